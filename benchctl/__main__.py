@@ -1,4 +1,4 @@
-"""`python -m benchctl`."""
+"""Run `python -m benchctl`."""
 
 from benchctl.cli import main
 

@@ -1,4 +1,4 @@
-"""benchctl from Python: plan, run, open, fit, diagnose and accept, each a function that gives a frozen result.
+"""The Python interface: plan, run, open, fit, diagnose and accept, each a function that returns a frozen result.
 
 >>> from benchctl import api
 >>> plan = api.plan("rate_sweep", soak_s=600, rates=3, run_s=10, zero_s=10)
@@ -7,9 +7,9 @@
 >>> fitted.error_percent["joint"] < 0.1 < fitted.error_percent["raw"]
 True
 
-What cannot be used, and what a bench refuses, is an error of `benchctl_instruments.errors`, all of them `BenchError`,
-in one line. Nothing here prints, asks or needs a terminal, but for the steps that a person does on a real bench. It
-works in a notebook and outside the main thread, where only signals cannot stop a run.
+Unusable input and refusals of a bench raise an exception of `benchctl_instruments.errors`, a `BenchError` with a
+one-line message. No function prints, asks for input or needs a terminal, except for steps that an operator performs on
+a real bench. The functions work in a notebook and outside the main thread, where signals cannot stop a run.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
+from benchctl.app.accept import accept_recording
+from benchctl.app.diagnose import diagnose_recordings, write_diagnosed
+from benchctl.app.fit import calibrated
 from benchctl.bench import SIMULATED, Bench, load_bench
 from benchctl.campaign.playing import new_folder, play
 from benchctl.campaign.runner import Moment, Outcome, Progress, nobody
@@ -35,9 +38,6 @@ from benchctl.plan.written import as_texts
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl.recordings.verify import refuse_changed
-from benchctl.reports.accepting import accept_recording
-from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
-from benchctl.reports.fitting import calibrated
 from benchctl_instruments.errors import BenchError, InstrumentError, LinkError, SafetyError, UsageError
 
 __all__ = [
@@ -66,19 +66,19 @@ __all__ = [
 ]
 
 Source = Recording | Outcome | str | PathLike[str]
-"""A recording: what `api.open` or `api.run` gave, or a path: a file, a campaign's folder or an open recording's."""
+"""A recording: a result of `api.open` or `api.run`, or a path of a file, a campaign's folder or an open recording."""
 
 
 def open(path: str | PathLike[str]) -> Recording:
-    """Open a recording for reading: a file, a campaign's folder (running, dead or finished) or an open recording's.
+    """Open a recording for reading: a file, a campaign's folder (running, crashed or finished) or an open recording.
 
-    Its `infos` are the steps; `step(index)` loads one, and `[name]` of that is a channel: `time_s` in s, `encoder_deg`,
-    `gyro_v`, `gyro_temp_c`. `with` closes it.
+    `infos` describes its steps; `step(index)` loads one step, and `[name]` of a step is a channel: `time_s` in s,
+    `encoder_deg`, `gyro_v`, `gyro_temp_c`. Use `with` to close the recording.
 
     Raises
     ------
     UsageError
-        Where there is none, or it cannot be read.
+        If there is no recording, or it cannot be read.
 
     Examples
     --------
@@ -92,7 +92,10 @@ def open(path: str | PathLike[str]) -> Recording:
 
 
 def paths_of(recordings: Source | Iterable[Source], therefore: str) -> list[Path]:
-    """The paths of one recording or of several; raises `UsageError` where there is none, and so nothing `therefore`."""
+    """Return the paths of one or several recordings; raise `UsageError` if there are none.
+
+    `therefore` is the past participle of the action, such as "fitted", for the message.
+    """
     given = [recordings] if isinstance(recordings, Recording | Outcome | str | PathLike) else list(recordings)
     if not given:
         raise UsageError(f"nothing was {therefore}: expected a recording, or several of one unit, got none")
@@ -100,7 +103,7 @@ def paths_of(recordings: Source | Iterable[Source], therefore: str) -> list[Path
 
 
 def unchanged_paths_of(recordings: Source | Iterable[Source], therefore: str) -> list[Path]:
-    """As `paths_of`, none of them changed since it was written: `UsageError` names the one that is not `therefore`."""
+    """Return the same as `paths_of`; raise `UsageError` if a recording has changed since it was written."""
     paths = paths_of(recordings, therefore)
     for path in paths:
         refuse_changed(path, therefore)
@@ -114,19 +117,19 @@ def _path_of(recording: Source) -> Path:
 
 
 def plan(procedure: str | PathLike[str] | Procedure, **parameters: Any) -> Plan:
-    """The steps of a procedure with these parameters; the others keep their defaults.
+    """Return the plan of a procedure with these parameters; the others keep their defaults.
 
     Parameters
     ----------
     procedure
         Its name (`benchctl procedures` lists them), the path of a .py file, or a function with `@procedure`.
     parameters
-        Numbers, texts and sequences of numbers, in the units that the procedure's parameters name.
+        Numbers, texts and sequences of numbers, in the units that the procedure's parameter names state.
 
     Raises
     ------
     UsageError
-        Where there is no such procedure or parameter, a value is of the wrong type, or they give no plan.
+        If there is no such procedure or parameter, a value has the wrong type, or the parameters give no plan.
 
     Examples
     --------
@@ -140,7 +143,7 @@ def plan(procedure: str | PathLike[str] | Procedure, **parameters: Any) -> Plan:
 
 
 def _plain(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Numpy's arrays and numbers as Python's own."""
+    """Convert numpy arrays and numbers to Python lists and numbers."""
     return {name: value.tolist() if hasattr(value, "tolist") else value for name, value in parameters.items()}
 
 
@@ -157,34 +160,34 @@ def run(
     wires: bool = True,
     check: bool = True,
 ) -> Outcome:
-    """Run a plan on a bench and record it. Whatever ends it, the bench is brought to rest and the recording closed.
+    """Run a plan on a bench and record it. In every case, the bench is brought to rest and the recording closed.
 
     Parameters
     ----------
     plan
-        What `api.plan` gave; or what it takes, with the parameters' defaults.
+        A result of `api.plan`; or any procedure that it accepts, run with the parameters' defaults.
     bench
         A bench.toml, a `Bench`, or "simulated", which needs neither file nor hardware.
     out
         The campaign's folder; by default a new one in results/.
     seed
-        Draws the noise and the errors of a simulated bench, 0 or more; by default those that its file states.
+        The seed, 0 or more, of the noise and the errors of a simulated bench; by default that of its file.
     progress
-        Called with a `Moment`, several times a second of wall time: step, temperatures in °C, rate in deg/s, time left
-        in s of bench time.
+        Called with a `Moment` several times per second of wall time: step, temperatures in °C, rate in deg/s, remaining
+        bench time in s.
     wires
-        False takes simulated instruments without their protocols: the same physics, faster.
+        If false, use simulated instruments without their protocols: the same physics, but faster.
     check
-        Raise the error that ended the campaign early. Without it the outcome has it: `status`, `error`.
+        Raise the error that ended the campaign early. If false, the outcome contains it: `status`, `error`.
 
     Raises
     ------
     UsageError
-        Before anything moves: the plan goes beyond the bench's limits, the disk has no room, the folder is in use.
+        Before anything moves: the plan exceeds the bench's limits, the disk has no room, or the folder is in use.
     BenchNotReadyError
-        Names every instrument that did not answer, and why.
+        If instruments do not answer; names each of them, with the reason.
     BenchError
-        What ended the campaign early, Ctrl-C included; a note names its recording.
+        The error that ended the campaign early, Ctrl-C included; a note names the recording.
 
     Examples
     --------
@@ -212,7 +215,7 @@ def _warn(message: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted:
-    """A calibration; `print` shows it as `benchctl fit` does.
+    """A calibration; `print` shows the text of `benchctl fit`.
 
     Attributes
     ----------
@@ -220,16 +223,16 @@ class Fitted:
         The content of `coefficients.json`: stages, joint fit, covariances, valid ranges,
         expanded uncertainties (95.45 %).
     error_percent
-        The largest residual rate over the largest rate, in percent, on held-out runs; by level: `raw`,
+        The largest residual rate divided by the largest rate, in percent, on held-out runs; by level: `raw`,
         `stage_1`, `stage_2`, `joint`, as far as the recording allows.
     rms_percent
-        The same of the rms.
+        The same for the rms of the residual rate.
     K0_v_per_dps, U0_v
-        Of the last stage.
+        Scale factor and offset of the last stage.
     warnings
-        What the recording could not show, in words.
+        Messages on quantities that the recording could not determine.
     files
-        `coefficients` and `report`, where they were written.
+        The paths of `coefficients` and `report`, if they were written.
     """
 
     coefficients: Mapping[str, Any]
@@ -253,13 +256,13 @@ def fit(
 ) -> Fitted:
     """Fit the two-stage calibration and the joint one to a recording, or to several of one unit.
 
-    With `out`, `coefficients.json` and `report.html` are written there; without, nothing is. The structures without a
-    name in a diagnosis' `model` file are taken off the output first, and become part of the coefficients.
+    `coefficients.json` and `report.html` are written to `out`, if given. The unnamed structures in a diagnosis' `model`
+    file are subtracted from the output before the fit, and become part of the coefficients.
 
     Raises
     ------
     UsageError
-        Where a recording cannot be read or fitted, was changed, is of another unit, or nothing can be written.
+        If a recording cannot be read or fitted, was changed, is of another unit, or nothing can be written.
 
     Examples
     --------
@@ -291,10 +294,10 @@ def fit(
 class Diagnosed:
     """A diagnosis; `print` shows its text.
 
-    `verdict` is `consistent`, `recalibrate`, `missing-physics` or `unknown-structure`; each finding names an effect,
-    its parameters with 95 % intervals in their units, its coordinate, and what else it could be. `diagnosis` has all
-    of it; its `as_json()` is what `benchctl diagnose --json` writes. `files` are `report`, `summary` and `model`, where
-    they were written.
+    `verdict` is `consistent`, `recalibrate`, `missing-physics` or `unknown-structure`. Each finding names an effect,
+    its parameters with 95 % intervals in their units, its coordinate, and the alternatives. `diagnosis` is the complete
+    result; its `as_json()` is the output of `benchctl diagnose --json`. `files` are the paths of `report`, `summary`
+    and `model`, if they were written.
     """
 
     verdict: DiagnosisVerdict
@@ -315,27 +318,28 @@ def diagnose(
     out: str | PathLike[str] | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosed:
-    """Say where a recording, or several of one unit jointly, part from the lab's model, and what physics is missing.
+    """Find where one or several recordings of a unit deviate from the lab's model, and which physics is missing.
 
     Parameters
     ----------
     recordings
-        One, or several; what `api.run` or `api.open` gave, or paths.
+        One, or several to be diagnosed jointly: results of `api.run` or `api.open`, or paths.
     model
         A file with the lab's model of the part; by default the one that the first recording names.
     part
-        `gyro`; `drive`, of angle and torque or current; `chamber`, of heat and air.
+        `gyro`; `drive`, with angle and torque or current; `chamber`, with heat and air.
     seed
-        Draws the recordings with nothing missing, for comparison; the same seed gives the same result.
+        The seed of the simulated recordings without missing physics, used for comparison; it makes the result
+        reproducible.
     out
-        A folder for `diagnosis.html`, and `model.toml` with what was found; without it nothing is written.
+        A folder for `diagnosis.html` and for `model.toml` with the findings; without it, nothing is written.
     progress
-        Called with what is tried and which share of the work, 0 to 1, is done.
+        Called with the current trial and the completed fraction of the work, 0 to 1.
 
     Raises
     ------
     UsageError
-        Where a recording cannot be read or diagnosed, was changed, is of another unit, or nothing can be written.
+        If a recording cannot be read or diagnosed, was changed, is of another unit, or nothing can be written.
 
     Examples
     --------
@@ -357,11 +361,11 @@ def diagnose(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accepted:
-    """An acceptance; `print` shows it as `benchctl accept` does.
+    """An acceptance; `print` shows the text of `benchctl accept`.
 
-    `verdict` is that of all tests together, PASS only where everything with a limit passes. A test has `measured`
-    (value, expanded uncertainty at 95.45 %, unit), `limit` and its own `verdict`: PASS, FAIL, INCONCLUSIVE, or None
-    where it has no limit. `files` are `report`, `pdf`, `junit` and `json`, where they were written.
+    `verdict` is the overall verdict, PASS only if every test with a limit passes. A test has `measured` (value,
+    expanded uncertainty at 95.45 %, unit), `limit` and its own `verdict`: PASS, FAIL, INCONCLUSIVE, or None without a
+    limit. `files` are the paths of `report`, `pdf`, `junit` and `json`, if they were written.
     """
 
     verdict: Verdict
@@ -381,15 +385,15 @@ def accept(
     out: str | PathLike[str] | None = None,
     language: str = "en",
 ) -> Accepted:
-    """Measure what a recording shows of its gyro and judge it by a file of limits.
+    """Measure the gyro's characteristics from a recording and judge them by a file of limits.
 
-    With `out`, `acceptance.html`, `.pdf`, `.xml` (JUnit) and `.json` are written there; `language` is that of the
+    `acceptance.html`, `.pdf`, `.xml` (JUnit) and `.json` are written to `out`, if given; `language` is that of the
     report, `en` or `ru`.
 
     Raises
     ------
     UsageError
-        Where the recording cannot be read or was changed, the limits cannot be used, or nothing can be written.
+        If the recording cannot be read or was changed, the limits cannot be used, or nothing can be written.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Files that are there and whole or not at all: written under a temporary name beside, then renamed into place."""
+"""Write files and folders atomically: under a temporary name in the same folder, then renamed to the final name."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from pathlib import Path
 from benchctl_instruments.errors import UsageError, in_line
 
 _RESERVE = 32 << 20
-"""Bytes that are always left on the disk: for HDF5's own records, the journal, and other programs."""
+"""Bytes that always stay free on the disk: for HDF5's metadata, the journal, and other programs."""
 
 
 @contextmanager
 def disk_errors(path: Path) -> Iterator[None]:
-    """Turn what the disk refuses (no folder, no permission, no space) into a `UsageError` that names `path`."""
+    """Convert an `OSError` (no folder, no permission, no space) to a `UsageError` that names `path`."""
     try:
         yield
     except OSError as err:
-        # HDF5's own text spans lines and speaks of symbol tables.
+        # HDF5's own message has several lines of internal details.
         reason = in_line(os.strerror(err.errno) if err.errno else str(err))
         raise UsageError(
             f"{path}: cannot be written: {reason}; check that its folder may be written to and has room"
@@ -29,9 +29,9 @@ def disk_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A temporary name to write to; on success synced and renamed to `path`, replacing it, on any error removed.
+    """Yield a temporary path to write to; on success sync it and replace `path` by it, on any error remove it.
 
-    Raises `UsageError` where the disk refuses, or `path` is a folder, a device or a pipe.
+    Raises `UsageError` if the disk refuses, or if `path` is a folder, a device or a pipe.
     """
     temporary = beside(path)
     with disk_errors(path):
@@ -48,9 +48,9 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """A temporary folder to fill with files; on success renamed to `path`, on any error removed.
+    """Yield a temporary folder to fill with files; on success rename it to `path`, on any error remove it.
 
-    Raises `UsageError` where `path` holds something already, or where the disk refuses.
+    Raises `UsageError` if `path` exists and is not empty, or if the disk refuses.
     """
     if path.name in ("", ".."):
         raise UsageError(f"{path}: is a folder that cannot be replaced while it is in use; name a new one in it")
@@ -71,15 +71,15 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 
 def require_empty(folder: Path) -> None:
-    """Raise `UsageError` where the folder to be created is there already and holds something."""
+    """Raise `UsageError` if the folder to be created exists and is not empty."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(f"{folder}: cannot be created, it is there already and not empty; name another folder")
 
 
 def require_room(path: Path, size: int) -> None:
-    """Raise `UsageError` where the disk that holds `path` has not `size` bytes left, and a reserve.
+    """Raise `UsageError` unless the disk of `path` has `size` bytes and a reserve free.
 
-    HDF5 must not meet a full disk: its library then may end the whole program, with the bench in motion.
+    On a full disk, the HDF5 library may crash the program while the bench is in motion.
     """
     free = shutil.disk_usage(path.parent).free
     if free < size + _RESERVE:
@@ -90,9 +90,9 @@ def require_room(path: Path, size: int) -> None:
 
 
 def free_bytes(folder: Path) -> int:
-    """What may still be written at a folder, which need not be there yet, without the reserve.
+    """Return the number of bytes that can be written in a folder, which need not exist yet, without the reserve.
 
-    Raises `UsageError` where a file is in the way.
+    Raises `UsageError` if a file has the name of the folder or of one of its parents.
     """
     place = folder.absolute()
     while not place.exists():
@@ -112,7 +112,7 @@ def sync_file(path: Path) -> None:
 
 
 def sync_folder(path: Path) -> None:
-    """Wait until a folder's entries are on the disk; Windows has no such call and needs none."""
+    """Wait until a folder's entries are on the disk; not available and not needed on Windows."""
     if os.name == "nt":
         return
     descriptor = os.open(path, os.O_RDONLY)
@@ -123,5 +123,5 @@ def sync_folder(path: Path) -> None:
 
 
 def beside(path: Path) -> Path:
-    """A name in the same folder, hence on the same disk, that no reader takes for a recording."""
+    """Return a temporary name in the same folder, hence on the same disk, that no reader takes for a recording."""
     return path.with_name(f".{path.name}.{os.getpid()}.tmp")

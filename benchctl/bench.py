@@ -35,11 +35,11 @@ Quantity = Literal[
     "gyro_v",
     "encoder_dps",
 ]
-"""What is measured while a run goes on; `setpoint_error_c` is air less set point, `gyro_c` the gyro's thermistor,
-`encoder_dps` the table's rate by the digitizer's count, independent of its controller."""
+"""Quantities measured during a run. `setpoint_error_c` is air minus set point, `gyro_c` is measured by the gyro's
+thermistor, and `encoder_dps` is the table's rate from the digitizer's count, independent of the table controller."""
 
 _INTERLOCKED = {"degC": ("degC", "K"), "degC or K": ("degC", "K")}
-"""Of what a name states: the units of its limits and of its hysteresis, where those are not the same one."""
+"""By the unit that a quantity's name states: the units of its limits and of its hysteresis, if these differ."""
 
 SIMULATED = "simulated"
 """The name of the bench that needs no file and no hardware."""
@@ -54,10 +54,10 @@ class UnitUnderTest(Table):
 
 
 class Limits(Table):
-    """What no step may exceed and no measured value may pass.
+    """Limits of all steps and of all measured values.
 
-    While a step is recorded the rate by the encoder may differ from the demand by `motion_error_dps` or by
-    `motion_error_percent` of it, whichever is larger.
+    While a step is recorded, the rate measured by the encoder may differ from the demanded rate by `motion_error_dps`
+    or by `motion_error_percent` of the demanded rate, whichever is larger.
     """
 
     rate_dps: float = Field(gt=0)
@@ -77,17 +77,17 @@ class Limits(Table):
 
 
 class Safe(Table):
-    """Where the chamber goes whatever ends a run, and how long the runner may be silent before its guard acts."""
+    """The chamber's set point after every run, and the time of silence of the runner after which its guard acts."""
 
     chamber_c: float = 23.0
     hang_s: float = Field(default=60.0, gt=0)
 
 
 class Interlock(Table):
-    """A limit on a measured quantity, and what happens where it is passed for `for_s`.
+    """A limit on a measured quantity, and the action if it is violated for `for_s`.
 
-    It has been passed until the value is back inside by `hysteresis`. "stop" ends the run at once; "hold" lets the step
-    come to its end, then waits with the table at rest, for `give_up_s` at most. Times in bench time.
+    The limit counts as violated until the value is back inside it by `hysteresis`. "stop" ends the run at once; "hold"
+    completes the current step, then waits with the table at rest for at most `give_up_s`. Times are in bench time.
     """
 
     quantity: Quantity
@@ -137,10 +137,10 @@ class Site(Table):
 
 
 class Simulation(Table):
-    """The model that the lab believes in: U = U0 + K0·k(T)·k(ω)·ω, with parameters from an earlier calibration.
+    """The lab's model of the gyro: U = U0 + K0·k(T)·k(ω)·ω, with parameters from an earlier calibration.
 
     `k_T` holds a1, a2, … of k(T) = 1 + a1·(T − T0) + a2·(T − T0)² + …, `k_omega` b2, b4, … of k(ω) = 1 + b2·ω² + b4·ω⁴
-    + …; an empty list: the model has no such term. `noise_v_rms` is that of a sample.
+    + …; with an empty list, the model has no such term. `noise_v_rms` is the noise of one sample.
     """
 
     K0_v_per_dps: float
@@ -153,7 +153,7 @@ class Simulation(Table):
 
 
 class InstrumentEntry(Table):
-    """An instrument: its model names the driver, `options` are further keywords of that driver."""
+    """An instrument: `model` names the driver, `options` are further keyword arguments of that driver."""
 
     model: str
     address: str | None = None
@@ -164,7 +164,7 @@ class InstrumentEntry(Table):
 
 
 class RateTableEntry(InstrumentEntry):
-    """The rate table, with the encoder on its axis and the fixture of the unit."""
+    """The rate table, with the encoder on its axis and the mounting fixture of the unit."""
 
     certificate: RateTableCertificate | None = None
 
@@ -176,7 +176,7 @@ class ChamberEntry(InstrumentEntry):
 
 
 class DigitizerEntry(InstrumentEntry):
-    """The digitizer, and what its terminals mean."""
+    """The digitizer, and the scaling of its inputs."""
 
     stream_address: str | None = None
     sample_rate_hz: float = Field(default=500.0, gt=0, le=HIGHEST_RATE_HZ)
@@ -198,23 +198,23 @@ class DigitizerEntry(InstrumentEntry):
 
     @property
     def adc_step_v(self) -> float:
-        """One step of the converter."""
+        """The quantization step of the converter."""
         return 2.0 * self.adc_range_v / 2.0**self.adc_bits
 
     def gyro_celsius(self, thermistor_v: Volts) -> Volts:
-        """The gyro's temperature, °C, from the volts of its thermistor's amplifier; one reading, or of shape (n,)."""
+        """Return the gyro's temperature [°C] from the thermistor amplifier's voltage; one reading, or shape (n,)."""
         return self.thermistor_c_at_0v + self.thermistor_c_per_v * thermistor_v
 
 
 class GyroEntry(InstrumentEntry):
-    """A digital gyro under test, which sends frames; `options` say among others which of its axes the table turns."""
+    """A digital gyro under test, which sends frames; `options` states, among others, the axis that the table turns."""
 
     frame_rate_hz: float = Field(default=1000.0, gt=0, le=HIGHEST_RATE_HZ)
     sign: Literal[1, -1] = 1
 
 
 class Bench(Table):
-    """A bench, as its file describes it, and the file itself."""
+    """A bench as described by its file, with the text of the file."""
 
     name: str
     operator: str = ""
@@ -258,12 +258,12 @@ class Bench(Table):
 
     @property
     def text(self) -> str:
-        """The file as it was read."""
+        """The text of the file as it was read."""
         return self._text
 
     @property
     def chamber_profile(self) -> str:
-        """The profile that `chamber.model` names, as it was read; empty where it names none."""
+        """The text of the profile that `chamber.model` names, as it was read; empty if it names none."""
         return self._chamber_profile
 
     @property
@@ -274,21 +274,21 @@ class Bench(Table):
 
     @property
     def recorded_hz(self) -> float:
-        """Rows of four channels that a streamed step records a second: scans, and frames."""
+        """The number of rows of four channels recorded per second of a streamed step: scans and frames."""
         return self.digitizer.sample_rate_hz + (self.gyro.frame_rate_hz if self.gyro else 0.0)
 
     def read_from(self, text: str, chamber_profile: str) -> Bench:
-        """The same bench, from these files."""
+        """Return the same bench with the texts of these files."""
         bench = self.model_copy()
         bench._text, bench._chamber_profile = text, chamber_profile  # noqa: SLF001 - this class's own
         return bench
 
     def with_seed(self, seed: int | None) -> Bench:
-        """The same bench, its simulated physics drawn with another seed."""
+        """Return the same bench with another seed of its simulated physics."""
         return self if seed is None else self.model_copy(update={"physics": {**self.physics, "seed": seed}})
 
     def obeying(self, model: Model) -> Bench:
-        """The same bench, its physics and effects those of a model; the model's gyro is also what the lab believes."""
+        """Return the same bench with the physics and effects of a model, whose gyro also becomes the lab's model."""
         simulation = self.simulation if model.simulation is None else Simulation.model_validate(model.simulation)
         return self.model_copy(
             update={"simulation": simulation, "physics": model.bench_physics, "effects": dict(model.effects)}
@@ -296,18 +296,18 @@ class Bench(Table):
 
 
 def template() -> str:
-    """A commented bench.toml to start from; it is the simulated bench."""
+    """Return the commented template of bench.toml; it describes the simulated bench."""
     return files("benchctl").joinpath("bench.toml").read_text(encoding="utf-8")
 
 
 def load_bench(source: str) -> Bench:
-    """The bench of that file, or the simulated one for the word `simulated`.
+    """Return the bench of that file, or the simulated bench for the word `simulated`.
 
     Raises
     ------
     UsageError
-        Where the file is not there, is not TOML, or has a wrong field; names the file, the line and the field.
-        Likewise of the chamber's profile, whose path begins in the folder of this file.
+        If the file does not exist, is not TOML, or has a wrong field; names the file, the line and the field. The same
+        for the chamber's profile, whose path is relative to the folder of this file.
     """
     path = Path(source)
     if source == SIMULATED:
@@ -325,7 +325,7 @@ def load_bench(source: str) -> Bench:
 
 
 def bench_of_text(text: str, name: str, chamber_profile: str = "") -> Bench:
-    """The bench of a text that is read already, and of that of its chamber's profile; raises what `parse_toml` does."""
+    """Return the bench of a text and of the text of its chamber's profile; raise the same errors as `parse_toml`."""
     return parse_toml(text, Bench, name).read_from(text, chamber_profile)
 
 

@@ -1,8 +1,8 @@
-"""The JSON schema of bench.toml, and of limits.toml: what an editor knows of a field while it is written.
+"""JSON schemas of bench.toml and limits.toml, by which editors explain, complete and check their fields.
 
-Made from the models that read the files, so that both refuse the same: keys that do not exist, values of another kind
-or beyond their bounds, what is missing. What only the reader knows: which of two numbers is the larger (coldest_c and
-hottest_c), whether a text is a quantity of the right kind ("2 kg") and within bounds, whether a profile is there.
+The schemas are generated from the models that read the files, so that both refuse the same: unknown keys, values of
+another type or out of bounds, missing fields. Only the reader checks relations between numbers (coldest_c and
+hottest_c), whether a text is a quantity of the right kind ("2 kg") and within bounds, and whether a profile exists.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from benchctl_instruments.simulated.faults.bench import AnyFault
 
 Schema = dict[str, Any]
 Words = Mapping[str, Mapping[str, Any]]
-"""Title, description and an example, by TABLE.FIELD, or by FIELD where it means the same in every table."""
+"""Title, description and an example, by TABLE.FIELD, or by FIELD if it has the same meaning in every table."""
 
 _WORDS = files("benchctl").joinpath("bench_words.toml")
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
-"""The one that editors of TOML know."""
+"""The dialect of JSON Schema that TOML editors support."""
 
 BENCH_SCHEMA, LIMITS_SCHEMA = "bench.schema.json", "limits.schema.json"
-"""The files' names, next to bench.toml and limits.toml."""
+"""Names of the schema files, next to bench.toml and limits.toml."""
 
 _NUMBER = r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*([^\d\s.+-].*)?$"
 _KINDS: dict[str, Kind] = {
@@ -46,16 +46,16 @@ _KINDS: dict[str, Kind] = {
 
 
 _IN_THE_UNIT_OF_ANOTHER = {"Interlock.above", "Interlock.below", "Interlock.hysteresis"}
-"""Fields in the unit of the quantity in the same table."""
+"""Fields in the unit of the `quantity` of the same table."""
 
 
 def directive(schema_name: str) -> str:
-    """Return the line that names the schema for Taplo, Even Better TOML and others; first in the file."""
+    """Return the first line of a file, which names the schema for Taplo, Even Better TOML and others."""
     return f"#:schema {schema_name}\n"
 
 
 def bench_schema() -> Schema:
-    """The schema of bench.toml; models and effects are those of this installation, and others stay allowed."""
+    """Return the schema of bench.toml; it lists the models and effects of this installation and allows others."""
     schema = _tidy(Bench.model_json_schema(), tomllib.loads(_WORDS.read_text(encoding="utf-8")))
     for name, kind in _KINDS.items():
         schema["$defs"][name]["properties"]["model"]["anyOf"] = [
@@ -74,7 +74,7 @@ def bench_schema() -> Schema:
 
 
 def limits_schema() -> Schema:
-    """The schema of limits.toml."""
+    """Return the schema of limits.toml."""
     schema = _tidy(LimitFile.model_json_schema(), {})
     entry = schema["properties"]["limits"].pop("additionalProperties")
     schema["properties"]["limits"] |= {
@@ -85,12 +85,12 @@ def limits_schema() -> Schema:
 
 
 def as_text(schema: Schema) -> str:
-    """A schema as its file holds it."""
+    """Return the text of a schema file."""
     return json.dumps(schema, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _tidy(schema: Schema, words: Words) -> Schema:
-    """Pydantic's schema with words, units and quantities, and without what TOML has not (null) or JSON (infinity)."""
+    """Add texts, units and quantities to pydantic's schema; remove null (not in TOML) and infinity (not in JSON)."""
     for name, table in [(schema["title"], schema), *schema["$defs"].items()]:
         table.pop("title", None)
         for field, described in table.get("properties", {}).items():
@@ -100,7 +100,7 @@ def _tidy(schema: Schema, words: Words) -> Schema:
 
 def _field(table: str, field: str, described: Schema, words: Words) -> Schema:
     described.pop("title", None)
-    described.get("items", {}).pop("discriminator", None)  # of OpenAPI, not of JSON schema
+    described.get("items", {}).pop("discriminator", None)  # a keyword of OpenAPI, not of JSON schema
     default = described.pop("default", None)
     choices = [choice for choice in described.pop("anyOf", []) if choice != {"type": "null"}]
     if len(choices) == 1:
@@ -114,18 +114,18 @@ def _field(table: str, field: str, described: Schema, words: Words) -> Schema:
         described["default"] = default
     if "$ref" in described:  # draft 7 ignores the keys next to a reference
         described["allOf"] = [{"$ref": described.pop("$ref")}]
-    said = words.get(f"{table}.{field}") or words.get(field) or {}
-    if said:
-        described["title"] = said["title"]
-    if text := " ".join(part for part in (said.get("description", ""), _in_words(unit)) if part):
+    texts = words.get(f"{table}.{field}") or words.get(field) or {}
+    if texts:
+        described["title"] = texts["title"]
+    if text := " ".join(part for part in (texts.get("description", ""), _in_words(unit)) if part):
         described["description"] = text
-    if "example" in said:
-        described["examples"] = [said["example"]]
+    if "example" in texts:
+        described["examples"] = [texts["example"]]
     return described
 
 
 def _quantity(number: Schema) -> Schema:
-    """A number, or a text of a number and a unit."""
+    """Return the schema of a number, or a text of a number and a unit."""
     lowest = max(number.get("minimum", -math.inf), number.get("exclusiveMinimum", -math.inf))
     sign = r"[+]?" if lowest >= 0 else r"[+−-]?"
     return {"anyOf": [number, {"type": "string", "pattern": rf"^\s*{sign}{_NUMBER}"}]}
@@ -141,7 +141,7 @@ def _is_infinite(value: object) -> bool:
 
 
 def _effects() -> Schema:
-    """The tables of `[effects]`: those of known effects in full; of kinds of which there may be several, NAME_2 too."""
+    """Return the schema of `[effects]`: known effects in full, also as NAME_2, NAME_3, … if several are allowed."""
     patterns = {
         f"^{name}{'(_([2-9]|[1-9][0-9]+))?' if kind.several else ''}$": _effect(kind)
         for name, kind in effects().items()
@@ -160,7 +160,7 @@ def _parameter(name: str, parameter: Parameter | None) -> Schema:
     number: Schema = {"type": "number"}
     if parameter is not None:
         bounds: Schema = {"minimum": parameter.low, "maximum": parameter.high}
-        zero = parameter.zero  # which is always allowed
+        zero = parameter.zero  # always allowed
         if zero is not None and math.isfinite(zero) and not parameter.low <= zero <= parameter.high:
             number["anyOf"] = [{"const": zero}, bounds]
         elif zero is not None and math.isinf(zero):
@@ -174,7 +174,7 @@ def _parameter(name: str, parameter: Parameter | None) -> Schema:
 
 
 def _rules_of_a_bench() -> list[Schema]:
-    """What one table asks of another."""
+    """Return the rules between tables."""
     real = {"properties": {"simulated": {"const": False}}}
     placed = {"required": ["address"]}
     return [

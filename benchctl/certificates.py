@@ -1,4 +1,4 @@
-"""Certificates of a bench's instruments: how well each is known (type B, JCGM 100:2008, 4.3), and until when."""
+"""Certificates of a bench's instruments: type B uncertainties (JCGM 100:2008, 4.3) and expiry dates."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pydantic import Field, field_validator
 from benchctl.tables import Table
 
 Figure = Annotated[float, Field(ge=0)] | None
-"""An expanded uncertainty as a certificate states it; None: it does not."""
+"""An expanded uncertainty as stated by a certificate; None if it is not stated."""
 
 
 class Certificate(Table):
-    """What a certificate states of any instrument: its number, and the coverage factor `k` of its figures."""
+    """The common part of all certificates: the number, and the coverage factor `k` of the uncertainties."""
 
     number: str = Field(default="", max_length=200)
     k: float = Field(default=2.0, gt=0)
@@ -30,12 +30,16 @@ class Certificate(Table):
 
     @property
     def says(self) -> str:
-        """The source of its figures, in words."""
+        """A description of the certificate as the source of its uncertainties."""
         return f"certificate{f' {self.number}' if self.number else ''}, k = {self.k:g}"
 
 
 class RateTableCertificate(Certificate):
-    """Of a rate table: the largest error of an angle, the axis from the vertical, a unit's input axis from the axis."""
+    """The certificate of a rate table.
+
+    `encoder_arcsec` is the largest error of an angle, `tilt_deg` the angle of the axis from the vertical, and
+    `mounting_deg` the angle of a unit's input axis from the table's axis.
+    """
 
     encoder_arcsec: Figure = None
     tilt_deg: Figure = None
@@ -43,13 +47,13 @@ class RateTableCertificate(Certificate):
 
 
 class ChamberCertificate(Certificate):
-    """Of a chamber: the temperature of its air."""
+    """The certificate of a chamber: the uncertainty of the air temperature."""
 
     air_c: Figure = None
 
 
 class DigitizerCertificate(Certificate):
-    """Of a digitizer: gain and offset of its volts, its clock, and the unit's thermistor with its amplifier."""
+    """The certificate of a digitizer: voltage gain and offset, clock, and the unit's thermistor with its amplifier."""
 
     gain_ppm: Figure = None
     offset_v: Figure = None
@@ -58,7 +62,7 @@ class DigitizerCertificate(Certificate):
 
 
 class Calibrated(Protocol):
-    """An instrument of bench.toml, as far as its certificate's date goes."""
+    """The part of an instrument of bench.toml that concerns the expiry of its certificate."""
 
     @property
     def model(self) -> str:
@@ -66,16 +70,16 @@ class Calibrated(Protocol):
 
     @property
     def serial(self) -> str:
-        """Its serial number; empty where none is stated."""
+        """Its serial number; empty if none is stated."""
 
     @property
     def calibrated_until(self) -> date | None:
-        """The last day on which its certificate holds."""
+        """The last day on which its certificate is valid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expired:
-    """An instrument whose certificate ended before a run did; `started` is the day, by UTC, on which that began."""
+    """An instrument whose certificate expires before a run ends; `started` is the UTC date of the start of the run."""
 
     role: str
     model: str
@@ -85,7 +89,7 @@ class Expired:
 
     @property
     def says(self) -> str:
-        """One line on it."""
+        """A one-line message."""
         who = " ".join(part for part in (self.role, self.model, self.serial) if part)
         if self.calibrated_until < self.started:
             return f"{who}: its certificate expired on {self.calibrated_until}"
@@ -93,7 +97,10 @@ class Expired:
 
 
 def expired(entries: Mapping[str, Calibrated], on: date, until: date | None = None) -> tuple[Expired, ...]:
-    """The instruments, by their role, whose certificate does not hold from `on` to the day `until`, by default `on`."""
+    """Return the instruments whose certificate is not valid from `on` to `until` (by default `on`).
+
+    `entries` are keyed by role.
+    """
     return tuple(
         Expired(
             role=role,

@@ -1,4 +1,4 @@
-"""What somebody meant who wrote a name that there is not."""
+"""Suggest a known name for a misspelt one."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 
 def meant(name: str, names: Iterable[str], otherwise: str = "") -> str:
-    """The end of an error's line: the name that is near, else `otherwise`, else all there are.
+    """Return the end of an error message: the closest name, else `otherwise`, else all names.
 
     >>> meant("pionts", ["points", "soak_s"])
     'did you mean points?'
@@ -21,12 +21,12 @@ def meant(name: str, names: Iterable[str], otherwise: str = "") -> str:
 
 
 def there_are(names: Iterable[str]) -> str:
-    """All of some names, in words."""
+    """Return a text that lists all names."""
     return f"there are {listed}" if (listed := ", ".join(names)) else "there are none"
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """The one of some names that was probably meant, whatever its case; empty where none is near."""
+    """Return the closest of some names, regardless of case; empty if none is close."""
     import difflib
 
     by_small = {known.lower(): known for known in names}

@@ -1,9 +1,9 @@
-"""Open files for reading; once a program is confined to a folder, none outside it and none through a symbolic link.
+"""Open files for reading. A process confined to a folder opens no files outside and follows no symbolic links.
 
-Results come from other machines, and a link in them may name any file of this one. So the live page confines itself to
-the folder that it serves, and all readers open files here. Below that folder each part of a path is opened relative to
-the part before it and never as a link (openat, O_NOFOLLOW): a link that is swapped in at any moment is refused, too.
-Where the system has no such calls (Windows) the path is checked before it is opened.
+Results may come from other machines, and a link in them may point to any file of this machine. Therefore the live page
+confines itself to the folder that it serves, and all readers open files with this module. Below that folder, each part
+of a path is opened relative to the previous part and never through a link (openat, O_NOFOLLOW), so that a link created
+at any moment is refused too. On systems without these calls (Windows), the path is checked before it is opened.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ _FOLDER = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0)
 _STEPWISE = os.open in os.supports_dir_fd and hasattr(os, "O_NOFOLLOW")
 
 _roots: list[Path] = []
-"""The folder to which this process is confined; empty where it is not."""
+"""The folder to which this process is confined; empty if it is not confined."""
 _own: list[Path] = []
 """Folders of the program itself."""
 
 
 def confine(root: Path, *own: Path) -> None:
-    """From now on open only files below `root`, without symbolic links, and the program's own ones below `own`.
+    """Confine this process to files below `root`, without symbolic links, and to the program's own files below `own`.
 
-    It holds for the whole process and until its end. `root` itself may be reached through links.
+    This applies until the process ends. The path of `root` itself may contain links.
     """
     _roots[:] = [root.resolve()]
     _own[:] = [Path(os.path.abspath(folder)) for folder in own]
 
 
 def open_file(path: Path) -> BufferedReader:
-    """A file, open for reading; OSError as for `open`, and for whatever a confined program does not open."""
+    """Open a file for reading; raise OSError as `open` does, and if the file is outside the confinement."""
     return os.fdopen(descriptor_of(path), "rb")
 
 
 def descriptor_of(path: Path) -> int:
-    """As `open_file`, as a descriptor that the caller closes."""
+    """Return a descriptor of a file, opened as by `open_file`; the caller closes it."""
     if not _roots or _is_own(path):
         return os.open(path, _READ)
     descriptor = _opened(path, _READ | _AT_ONCE)
@@ -54,7 +54,7 @@ def descriptor_of(path: Path) -> int:
 
 @contextmanager
 def hdf5_name(path: Path) -> Iterator[Path]:
-    """A name under which a library opens exactly the file that `path` is now; OSError as for `open_file`."""
+    """Yield a path by which a library opens exactly the present file at `path`; raise OSError as `open_file` does."""
     if not _roots or _is_own(path):
         yield path
         return
@@ -66,7 +66,10 @@ def hdf5_name(path: Path) -> Iterator[Path]:
 
 
 def entries_in(folder: Path) -> dict[str, bool]:
-    """The names in a folder, and whether each is a folder and no link; OSError where it is a link or lies outside."""
+    """Return the names in a folder, with true for each folder that is not a link.
+
+    Raises OSError, if the process is confined, for a link or a folder outside the confinement.
+    """
     if _roots:
         _require_inside(folder)
     descriptor = _opened(folder, _FOLDER) if _roots and _STEPWISE else None
@@ -81,7 +84,7 @@ def entries_in(folder: Path) -> dict[str, bool]:
 def walk(
     root: Path, onerror: Callable[[OSError], object] = lambda err: None
 ) -> Iterator[tuple[Path, list[str], list[str]]]:
-    """As `os.walk` from the top down, without following links; `onerror` is called with what a folder refuses."""
+    """Walk like `os.walk` from the top down, without following links; `onerror` is called with each OSError."""
     waiting = [root]
     while waiting:
         place = waiting.pop()
@@ -97,7 +100,7 @@ def walk(
 
 
 def stat_of(path: Path) -> os.stat_result:
-    """Size, time and kind of what is at a path; of a link itself where the program is confined."""
+    """Return the status of a path; in a confined process, a link itself is examined, not its target."""
     return path.lstat() if _roots else path.stat()
 
 
@@ -121,7 +124,10 @@ def _opened(path: Path, flags: int) -> int:
 
 
 def _require_inside(path: Path) -> Path:
-    """The whole path, which lies below the folder and, where it cannot be opened part by part, leads over no link."""
+    """Return the absolute path; raise OSError if it is outside the folder.
+
+    On systems without openat, also raise OSError if it contains a link.
+    """
     place = Path(os.path.abspath(path))
     if not place.is_relative_to(_roots[0]):
         raise OSError(errno.EACCES, f"it lies outside {_roots[0]}")

@@ -1,4 +1,4 @@
-"""JSON and TOML text into plain values, whatever the text: every fault is one line, and no text is slow or deep."""
+"""Parse untrusted JSON and TOML text; every fault is reported in one line, and parsing time and depth are limited."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from benchctl_instruments.errors import UsageError, in_line
 
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 _LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MOST_KEY_PARTS}}}")
-"""Dotted parts, more than a key may have, wherever they stand. No part can begin within another: one pass is enough."""
+"""A sequence of more dotted parts than a key may have. No part can begin within another, so one pass is enough."""
 
 
 def read_json(path: Path, what: str) -> Any:
-    """What a file of JSON stands for; `what` is its role in an error.
+    """Return the value of a JSON file; `what` is its role in an error message.
 
     Raises
     ------
     UsageError
-        Where it cannot be read, and whatever `json_document` raises.
+        If it cannot be read, and for the faults listed at `json_document`.
     """
     return json_document(read_whole(path, MOST_DESCRIPTION_BYTES, f"{what} "), f"{what} {path}")
 
 
 def json_document(text: bytes | str, name: str) -> Any:
-    """What a JSON text stands for; `name` is its place in an error.
+    """Return the value of a JSON text; `name` is its source in an error message.
 
     Raises
     ------
     UsageError
-        Not UTF-8, not JSON (names the line), nested too deep, or with whole numbers beyond 64 bits.
+        If it is not UTF-8, not JSON (names the line), nested too deep, or has integers beyond 64 bits.
     """
     _refuse_large(text, name, MOST_DESCRIPTION_BYTES)
     try:
@@ -58,12 +58,13 @@ def json_document(text: bytes | str, name: str) -> Any:
 
 
 def toml_document(text: str, name: str) -> dict[str, Any]:
-    """What a TOML text stands for; `name` is its place in an error.
+    """Return the value of a TOML text; `name` is its source in an error message.
 
     Raises
     ------
     UsageError
-        Not TOML (names the line), too large, nested too deep, keys of too many parts, whole numbers beyond 64 bits.
+        If it is not TOML (names the line), too large, nested too deep, or has keys of too many parts or integers beyond
+        64 bits.
     """
     _refuse_large(text, name, MOST_TOML_BYTES)
     if found := _LONG_KEY.search(text):
@@ -80,7 +81,7 @@ def toml_document(text: str, name: str) -> dict[str, Any]:
 
 
 def json_values(value: Any) -> Any:
-    """A value as JSON can hold it: what is not finite becomes null, paths and keys become texts."""
+    """Convert a value for JSON: non-finite numbers become null, paths and keys become strings."""
     if isinstance(value, Mapping):
         return {str(key): json_values(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -102,7 +103,7 @@ def _too_much(err: Exception) -> str:
 
 
 def _require_plain(document: object, name: str) -> None:
-    """Raise `UsageError` where a document is too deep to be written again, or its numbers are too wide."""
+    """Raise `UsageError` if a document is nested too deep to be written again, or has integers beyond 64 bits."""
     waiting: list[tuple[object, int]] = [(document, 0)]
     while waiting:
         value, depth = waiting.pop()

@@ -1,8 +1,8 @@
 """Locks between processes: one run on a bench, one writer of a campaign.
 
-The operating system holds them, so that a killed process leaves none behind; a lock file that remains means nothing.
-A note beside the lock file names the holder. Both may lie in a folder where every user may write: a link in the place
-of either is never followed.
+The operating system holds the locks and releases them when a process is killed; a remaining lock file has no meaning.
+A note next to the lock file names the holder. Both may be in a folder where every user may write; a link that replaces
+one of them is never followed.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from benchctl.documents import read_json
 from benchctl_instruments.errors import UsageError, reason
 
 _PATIENCE_S = 1.0
-"""A process that only looks whether a lock is held holds it for a moment."""
+"""A process that only tests a lock holds it for a moment."""
 
 
 class Lock:
-    """A lock on `what` (in words), by the name of a file; held from `acquire` to `release` or to the process' end.
+    """A lock, identified by the path of a file; held from `acquire` to `release` or to the end of the process.
 
-    `was_abandoned` says, once it is acquired, that the last holder ended without releasing it.
+    `what` describes the locked object in error messages. After `acquire`, `was_abandoned` is true if the last holder
+    ended without releasing the lock.
     """
 
     def __init__(self, path: Path, what: str) -> None:
@@ -35,9 +36,9 @@ class Lock:
         self._lock = _file_lock(path)
 
     def acquire(self, purpose: str, patience_s: float = _PATIENCE_S) -> None:
-        """Take the lock, waiting at most `patience_s` for its holder; `purpose` is shown to others.
+        """Acquire the lock, waiting at most `patience_s` for its holder; `purpose` is shown to others.
 
-        Raises `UsageError` where another process has it, naming that process, or where the file system has no locks.
+        Raises `UsageError` if another process holds it, naming that process, or if the file system has no locks.
         """
         try:
             self._lock.acquire(timeout=patience_s)
@@ -51,19 +52,19 @@ class Lock:
                 "and on a file system that has locks"
             ) from err
         note = {"pid": os.getpid(), "purpose": purpose, "since": datetime.now(UTC).isoformat(timespec="seconds")}
-        with suppress(OSError):  # the lock itself holds without it
+        with suppress(OSError):  # the lock works without the note
             self.was_abandoned = os.path.lexists(_note(self._path))
             _replace(_note(self._path), json.dumps(note, ensure_ascii=False) + "\n")
 
     def release(self, *, settled: bool = True) -> None:
-        """Give the lock back and remove its files; safe to call twice.
+        """Release the lock and remove its files; safe to call twice.
 
         Unless `settled`, a lock that was abandoned counts as abandoned for the next holder too.
         """
         if not self._lock.is_locked:
             return
         if settled or not self.was_abandoned:
-            for file in (_note(self._path), self._path):  # while it is held: afterwards they may be another's
+            for file in (_note(self._path), self._path):  # while held: later they may be another process'
                 with suppress(OSError):
                     file.unlink()
         self._lock.release()
@@ -71,9 +72,9 @@ class Lock:
 
 @contextmanager
 def held(paths: Iterable[Path], what: str, purpose: str, *, settles: bool = True) -> Iterator[bool]:
-    """Hold several locks on one thing; yields whether the last holder of any of them ended without releasing it.
+    """Hold several locks on one object; yield whether the last holder of any of them ended without releasing it.
 
-    That stays so for the next holder where the block raises, or `settles` is false: it put nothing in order.
+    The locks stay abandoned for the next holder if the block raises or `settles` is false, since nothing was repaired.
     """
     settled = False
     locks = [Lock(path, what) for path in paths]
@@ -88,7 +89,7 @@ def held(paths: Iterable[Path], what: str, purpose: str, *, settles: bool = True
 
 
 def is_held(path: Path) -> bool:
-    """Whether any process holds the lock of that name; one that cannot be looked at counts as held."""
+    """Return whether any process holds the lock of that name; a lock that cannot be tested counts as held."""
     if not path.exists():
         return False
     probe = _file_lock(path)
@@ -101,7 +102,7 @@ def is_held(path: Path) -> bool:
 
 
 def _file_lock(path: Path) -> FileLock:
-    # Every user may open it, for a run of another user must find it held. A soft lock would outlive a killed process.
+    # Every user may open it, so that a run of another user finds it held. A soft lock would outlive a killed process.
     return FileLock(path, mode=0o666, thread_local=False, fallback_to_soft=False)
 
 
@@ -110,13 +111,13 @@ def _note(path: Path) -> Path:
 
 
 def _replace(path: Path, text: str) -> None:
-    """Put a new file in the place of whatever has that name."""
-    fresh = path.with_name(f".{path.name}.{os.getpid()}.tmp")  # `recover` removes what a death leaves of that name
+    """Replace the path, whatever it is, by a new file."""
+    fresh = path.with_name(f".{path.name}.{os.getpid()}.tmp")  # `recover` removes files of that name after a crash
     with suppress(FileNotFoundError):
         fresh.unlink()
     with os.fdopen(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "w", encoding="utf-8") as file:
         file.write(text)
-    fresh.chmod(0o644)  # whatever the umask: others are to read who holds the lock
+    fresh.chmod(0o644)  # regardless of the umask: other users must be able to read the holder
     fresh.replace(path)
 
 

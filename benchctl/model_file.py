@@ -1,17 +1,17 @@
-"""Model files: what a simulated bench obeys, written by a diagnosis or by hand, played by `benchctl simulate --model`.
+"""Model files: the physics of a simulated bench, written by a diagnosis or manually; see `benchctl simulate --model`.
 
     format = "benchctl-model/1"
-    recording = "..."              # where it comes from
-    [simulation]                   # a lab's model of the gyro, as open recordings bring it
-    [effects.thermal_lag]          # physics beside it, by its name in the vocabulary, with its parameters
+    recording = "..."              # the source of the model
+    [simulation]                   # a lab's model of the gyro, as in open recordings
+    [effects.thermal_lag]          # an additional effect, by its name in the vocabulary, with its parameters
     tau_s = 312.0
-    [discovered.kink_of_scale_over_gyro_temp]   # a structure without a name, by stage, coordinate and shape
+    [discovered.kink_of_scale_over_gyro_temp]   # an unnamed structure, by stage, coordinate and shape
     at = 27.7
     above = -4.8e-4
-    [physics.table]                # the bench's own parts, as in bench.toml
+    [physics.table]                # the parts of the bench, as in bench.toml
     [parts.drive]                  # a lab's model of its table's drive, or of its chamber, as diagnosed (`part_models`)
 
-Nothing of this is needed. A file with the tables of `[physics]` at its top level (`[gyro]`, `[table]`, …) is a model
+All parts are optional. A file with the tables of `[physics]` at its top level (`[gyro]`, `[table]`, …) is a model
 file too.
 """
 
@@ -38,9 +38,9 @@ _DISCOVERED = "discovered"
 class Model:
     """The content of a model file.
 
-    `simulation` is the gyro's response, None where the gyro of `physics` is meant; `effects` are parameters by effect;
-    `parts` are models of the drive and the chamber, which no simulated bench plays; `recording` names what the model
-    was made from.
+    `simulation` is the gyro's response; if None, the gyro of `physics` is used. `effects` are parameters by effect.
+    `parts` are models of the drive and the chamber, which simulated benches do not use. `recording` names the source of
+    the model.
     """
 
     simulation: Mapping[str, Any] | None = None
@@ -51,11 +51,11 @@ class Model:
 
     @property
     def bench_physics(self) -> dict[str, Any]:
-        """The `[physics]` of a simulated bench that obeys the model."""
+        """The `[physics]` of a simulated bench with this model."""
         return {**self.physics, **({} if self.simulation is None else {"response": self.simulation})}
 
     def check(self) -> None:
-        """Raise a `UsageError` that names the table and field at fault, where there is one."""
+        """Raise a `UsageError` that names the table and the field if one is invalid."""
         from benchctl_instruments.physics.effects.making import make_effects
         from benchctl_instruments.physics.response_gyro import ResponseParameters
         from benchctl_instruments.simulated.settings import WorldSettings, built
@@ -68,12 +68,12 @@ class Model:
 
 
 def read_model(path: Path) -> Model:
-    """The model of a file, checked.
+    """Read and check a model file.
 
     Raises
     ------
     UsageError
-        One line that names the file and, where it is at fault, the table and the field.
+        One line that names the file and, if applicable, the invalid table and field.
     """
     document = toml_in_units(read_text(path, "model"), f"model {path}")
     try:
@@ -85,19 +85,19 @@ def read_model(path: Path) -> Model:
 
 
 def write_model(path: Path, model: Model) -> None:
-    """Write a model file that `read_model` reads back as it was; it appears whole or not at all.
+    """Write a model file atomically; `read_model` returns an equal model.
 
     Raises
     ------
     UsageError
-        Where the file cannot be written.
+        If the file cannot be written.
     """
     import tomli_w
 
     document: dict[str, Any] = {"format": FORMAT, "recording": model.recording}
     document |= with_discovered({part: value for part in _PARTS if (value := getattr(model, part))})
     use = f"benchctl simulate PROCEDURE --model {path.name} -o FILE.h5 plays it"
-    if model.parts:  # no simulated bench plays these
+    if model.parts:  # simulated benches do not use these
         use = f"benchctl diagnose FILE.h5 --part {next(iter(model.parts))} --model {path.name} begins with it"
     text = f"# {use}\n{tomli_w.dumps(_plain(document))}"
     with whole_file(path) as temporary:
@@ -105,7 +105,7 @@ def write_model(path: Path, model: Model) -> None:
 
 
 def with_discovered(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables of a model file with the structures among the effects, which have no name, in `discovered`."""
+    """Return the tables of a model file with the unnamed structures moved from `effects` to `discovered`."""
     from benchctl_instruments.physics.structures import structure_named
 
     effects = tables.get("effects", {})
@@ -133,7 +133,7 @@ def _model(document: dict[str, Any]) -> Model:
 
 
 def _plain(value: Any) -> Any:
-    """Values that TOML knows: dictionaries, lists, and Python's own numbers in place of numpy's."""
+    """Convert to types supported by TOML: dictionaries, lists, and Python numbers instead of numpy numbers."""
     if isinstance(value, Mapping):
         return {key: _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

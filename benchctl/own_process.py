@@ -1,4 +1,4 @@
-"""Starts a module of ours as a process of its own, which finds what this one finds and hears no signal meant for it.
+"""Run a module of this package in a separate process with the same import path, isolated from signals to this process.
 
 A damaged or hostile file may crash the library in C that decodes it, keep it busy for ever, or make it allocate
 gigabytes. Such a file is opened in a process with limits, which `run_limited` starts and which calls `limit_itself`.
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from benchctl.processors import set_free
 
-if sys.platform == "win32":  # neither Ctrl-C nor the console's end reaches it; elsewhere it has a session of its own
+if sys.platform == "win32":  # isolates it from Ctrl-C and the console's end; elsewhere a new session does
     _OF_ITS_OWN = subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.CREATE_NO_WINDOW
 else:
     import resource
@@ -23,16 +23,15 @@ else:
     _OF_ITS_OWN = 0
 
 _SLOWER = 20
-"""Of a busy machine, by wall time."""
+"""Allowed ratio of wall time to processor time, for a busy machine."""
 
 
 def own_process(
     module: str, arguments: Sequence[str] = (), *, stderr: int | None = None, pass_fds: Sequence[int] = ()
 ) -> subprocess.Popen[bytes]:
-    """`python -m MODULE ARGUMENTS`, with pipes without buffers to and from it. Not tried on Windows.
+    """Start `python -m MODULE ARGUMENTS` with unbuffered pipes for stdin and stdout. Not tried on Windows.
 
-    `stderr` and `pass_fds` are as of `subprocess.Popen`. Raises `OSError` where the system has no room for another
-    process.
+    `stderr` and `pass_fds` are as for `subprocess.Popen`. Raises `OSError` if the system cannot start another process.
     """
     process = subprocess.Popen(  # noqa: S603 - this Python, a module of ours
         [sys.executable, "-P", "-m", module, *arguments],
@@ -52,9 +51,9 @@ def own_process(
 def run_limited(
     module: str, arguments: Sequence[str], limit_s: float, *, pass_fds: Sequence[int] = ()
 ) -> tuple[int, bytes]:
-    """Run a module that calls `limit_itself(limit_s, …)` to its end; its exit status, negative for a death, and stdout.
+    """Run a module that calls `limit_itself(limit_s, …)`; return its exit status, negative for a signal, and stdout.
 
-    Where it takes far longer than `limit_s` by the wall clock, waiting for the disk, it is ended.
+    The process is killed if it takes far longer than `limit_s` by the wall clock, such as when it waits for the disk.
     """
     child = own_process(module, arguments, stderr=subprocess.DEVNULL, pass_fds=pass_fds)
     try:
@@ -66,9 +65,9 @@ def run_limited(
 
 
 def limit_itself(limit_s: float, most_bytes: int) -> None:
-    """Limit this process to so much more processor time, and to so much more memory.
+    """Limit this process to `limit_s` of additional processor time and `most_bytes` of additional memory.
 
-    Memory is limited on Linux only, where the size of the process is known; Windows knows no such limits.
+    Memory is limited on Linux only, where the size of the process is known; Windows has no such limits.
     """
     if sys.platform == "win32":
         return
@@ -81,9 +80,9 @@ def limit_itself(limit_s: float, most_bytes: int) -> None:
 
 
 def peak_bytes() -> int:
-    """The most memory that this process has had in use; 0 on Windows.
+    """Return the peak memory of this process in bytes; 0 on Windows.
 
-    Linux counts what the parent had in use towards a child's `ru_maxrss`, but not towards its VmHWM.
+    On Linux, a child's `ru_maxrss` includes the memory of its parent, but its VmHWM does not.
     """
     if sys.platform == "win32":
         return 0

@@ -1,7 +1,7 @@
-"""A lab's models of its table's drive and of its chamber: tables of numbers under names that are checked.
+"""A lab's models of its table's drive and of its chamber: tables of numbers with checked names.
 
-In a model file they are `[parts.drive]` and `[parts.chamber]`, with `[parts.drive.effects.coulomb_friction]` and the
-like for physics beside them.
+In a model file they are `[parts.drive]` and `[parts.chamber]`, with tables such as
+`[parts.drive.effects.coulomb_friction]` for additional effects.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ EFFECTS = "effects"
 def numbers_of(
     table: Mapping[str, Any] | None, name: str, needed: Sequence[str], further: Sequence[str] = ()
 ) -> dict[str, float]:
-    """The numbers of a table, its effects left out; either all `needed` are in it or none is.
+    """Return the numbers of a table without its effects; it must contain all `needed` fields or none of them.
 
-    Raises `UsageError` that names the field that is not known, missing, or no finite number.
+    Raises `UsageError` that names a field that is unknown, missing, or not a finite number.
     """
     if not isinstance(table, Mapping | None):
         raise UsageError(f"[{name}]: expected a table of numbers, got {shown(table)}")
-    told = {field: value for field, value in (table or {}).items() if field != EFFECTS}
-    for field, value in told.items():
+    stated = {field: value for field, value in (table or {}).items() if field != EFFECTS}
+    for field, value in stated.items():
         if field not in (*needed, *further):
             raise UsageError(f"[{name}] {field}: no such field; there are {', '.join((*needed, *further))}")
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise UsageError(f"[{name}] {field}: expected a finite number, got {shown(value)}")
-    missing = [field for field in needed if field not in told]
+    missing = [field for field in needed if field not in stated]
     if missing and len(missing) < len(needed):
         raise UsageError(f"[{name}] {missing[0]}: this field is needed beside the others and is not there")
-    return {field: float(value) for field, value in told.items()}
+    return {field: float(value) for field, value in stated.items()}
 
 
 def check_parts(parts: Mapping[str, Any]) -> None:
-    """Raise a `UsageError` that names the part, effect or parameter at fault, where there is one.
+    """Raise a `UsageError` that names the part, effect or parameter if one is invalid.
 
-    Which numbers a part itself needs depends on what was recorded of it: a diagnosis says so.
+    The numbers that a part itself needs depend on the recorded channels and are checked by a diagnosis.
     """
     from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
     from benchctl_instruments.physics.drive_effects.registry import drive_effects

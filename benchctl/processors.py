@@ -1,10 +1,10 @@
-"""Which processors threads work on, and those that a process started meanwhile may use.
+"""Set the processors of threads, and of processes started meanwhile.
 
-A simulated bench is played on one processor, for it plays both ends of its wires in one interpreter.
-Its threads only take turns, hundreds of thousands of times in a campaign of 20 set points. To hand over to a thread on
-another processor takes three times as long as on the same, and there is next to nothing that both could do at once.
+A simulated bench runs on one processor, since both ends of its wires run in one interpreter. Its threads take turns,
+hundreds of thousands of times in a campaign of 20 set points. A switch to a thread on another processor takes three
+times as long as on the same one, and the threads can do almost nothing in parallel.
 
-Processes that play benches side by side each take a processor of their own; where none is left, the system chooses.
+Of several processes with simulated benches, each reserves one processor; if none is free, the system chooses.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 
 _before: dict[int, set[int]] = {}
-"""By a processor that threads are kept on: those that they could work on before."""
+"""For each processor to which threads are bound: the processors that they could use before."""
 
 
 def several() -> list[int]:
-    """The processors that this thread may choose from; none where it has but one, or the system does not let it."""
+    """Return the processors to which this thread can be bound; none if it has only one or binding is not possible."""
     if sys.platform != "linux":
         return []
     allowed = sorted(os.sched_getaffinity(0))
@@ -34,7 +34,10 @@ def several() -> list[int]:
 
 @contextmanager
 def only_on(processor: int) -> Iterator[None]:
-    """Keep this thread on one of the `several`, and those that it starts meanwhile, which are to end with the block."""
+    """Bind this thread, and all threads that it starts in the block, to one of the processors of `several`.
+
+    Threads started in the block must end with it.
+    """
     if sys.platform != "linux":
         raise OSError("threads can be kept on a processor on Linux only")
     thread = threading.get_native_id()
@@ -44,30 +47,30 @@ def only_on(processor: int) -> Iterator[None]:
         yield
     finally:
         allowed = _before.pop(processor)
-        with suppress(ProcessLookupError):  # the thread is over
+        with suppress(ProcessLookupError):  # the thread has ended
             os.sched_setaffinity(thread, allowed)
 
 
 def set_free(pid: int) -> None:
-    """Let a process that was started meanwhile work wherever this one could before."""
+    """Allow a process started inside `only_on` to use the processors that this process could use before."""
     if sys.platform != "linux" or not _before:
         return
     here = os.sched_getaffinity(0)
     for processor, allowed in list(_before.items()):
         if here == {processor}:
-            with suppress(ProcessLookupError):  # it is over already
+            with suppress(ProcessLookupError):  # the process has ended
                 os.sched_setaffinity(pid, allowed)
 
 
 _NAME = "\0benchctl-processor-"
-"""Linux gives names that begin so to one socket at a time, and takes them back when its process ends."""
+"""Prefix of abstract socket names. Linux binds such a name to one socket at a time, and frees it with the process."""
 
 
 @contextmanager
 def on_one_processor() -> Iterator[None]:
-    """Keep this thread and those that it starts on one processor while the block runs, if there is one to be had."""
+    """Bind this thread and those that it starts to one processor during the block, if one is free."""
     with ExitStack() as stack:
-        for processor in reversed(several()):  # the first has the most to do beside
+        for processor in reversed(several()):  # the first one has the most other work
             held = _taken(processor)
             if held is not None:
                 stack.enter_context(held)
@@ -77,7 +80,7 @@ def on_one_processor() -> Iterator[None]:
 
 
 def _taken(processor: int) -> socket.socket | None:
-    """A socket that reserves the processor for this process until it is closed; None where another process has it."""
+    """Return a socket that reserves the processor until it is closed; None if another process has reserved it."""
     held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
         held.bind(f"{_NAME}{processor}")

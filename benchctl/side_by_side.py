@@ -1,4 +1,4 @@
-"""Several cores within one process, in order and in bounded memory: numpy, zlib and hashlib let go of Python's lock."""
+"""Use several cores in one process, in order and with bounded memory; numpy, zlib and hashlib release Python's lock."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ Item = TypeVar("Item")
 Made = TypeVar("Made")
 
 _MOST = 4
-"""Arithmetic on long arrays waits for memory beyond so many threads; and each thread holds arrays of its own."""
+"""With more threads, arithmetic on long arrays is limited by memory bandwidth; and each thread needs its own arrays."""
 
 _inside = threading.local()
 
 
 def cores() -> int:
-    """The processors that this process may use, where the system says so."""
+    """Return the number of processors that this process may use, or all if the system does not report it."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def in_order(work: Callable[[Item], Made], items: Iterable[Item], workers: int) -> Generator[Made, None, None]:
-    """`work` of every item, in the order of the items; so many at a time, and one more that waits its turn.
+    """Yield `work(item)` for every item, in order, with `workers` items at a time and one more waiting.
 
-    An error of one is raised where its result would stand; what had begun behind it is finished and dropped. One worker
-    is the thread that asks.
+    An exception is raised in place of the item's result; later items in progress are completed and discarded. With one
+    worker, the calling thread does the work.
     """
     if workers == 1:
         yield from map(work, items)
@@ -40,7 +40,7 @@ def in_order(work: Callable[[Item], Made], items: Iterable[Item], workers: int) 
 def _in_order_by(
     pool: Executor, work: Callable[[Item], Made], items: Iterable[Item], workers: int
 ) -> Generator[Made, None, None]:
-    """As `in_order`, by the threads of a pool that stays; what has not begun when an error is raised is called off."""
+    """Like `in_order`, with the threads of a permanent pool; after an exception, items not yet begun are cancelled."""
     begun: deque[Future[Made]] = deque()
     try:
         for item in items:
@@ -55,15 +55,15 @@ def _in_order_by(
 
 
 def threads() -> int:
-    """How many threads of `shared_out` work at once."""
+    """Return the number of threads of `shared_out`."""
     return min(cores(), _MOST)
 
 
 def shared_out(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
-    """`work` done on every item, in order, by threads that stay; some items ahead of the one that is asked for.
+    """Yield `work(item)` for every item, in order, computed in advance by permanent threads.
 
-    What comes out does not depend on how many cores there are. Work that is itself shared out stays in its thread. One
-    item alone is done by the thread that asks, so that it may share out its parts.
+    The result does not depend on the number of cores. Calls inside `work` run in the same thread. A single item is
+    processed by the calling thread, so that its parts can be shared out.
     """
     alone = isinstance(items, Sized) and len(items) == 1
     if alone or threads() == 1 or getattr(_inside, "busy", False):
@@ -73,13 +73,13 @@ def shared_out(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[
 
 
 def parts_of(count: int, most: int) -> list[slice]:
-    """So many things in a row as up to `most` slices of nearly one size."""
+    """Divide `count` consecutive items into up to `most` slices of nearly equal size."""
     most = min(most, count)
     return [slice(count * i // most, count * (i + 1) // most) for i in range(most)]
 
 
 def do_all(work: Callable[[Item], None], items: Iterable[Item]) -> None:
-    """`work` done on every item, for what it writes."""
+    """Call `work` on every item, for its side effects."""
     deque(shared_out(work, items), maxlen=0)
 
 
@@ -93,5 +93,5 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads(), thread_name_prefix="shared_out")
 
 
-if hasattr(os, "register_at_fork"):  # the threads of a pool stay behind with the parent
+if hasattr(os, "register_at_fork"):  # a forked child has no threads of the pool
     os.register_at_fork(after_in_child=_pool.cache_clear)

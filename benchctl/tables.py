@@ -1,4 +1,4 @@
-"""The tables of our TOML files as pydantic reads them: nothing further is taken, and no kind of value for another."""
+"""Strict pydantic models for the tables of our TOML files: no unknown keys, and no conversion between value types."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ _WORDS = {bool: "true or false", int: "a whole number", float: "a number", datet
 
 
 class Table(BaseModel):
-    """A table without further keys, whose numbers are finite; TOML's numbers, truths, dates and texts stay apart."""
+    """A table without unknown keys, with finite numbers; numbers, booleans, dates and strings are not converted."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, protected_namespaces=())
 
     @field_validator("*", mode="before")
     @classmethod
     def _as_written(cls, value: Any, info: ValidationInfo) -> Any:
-        """Refuse `true` for a number, `"2"` for one, `1` for a truth, all of which pydantic would convert."""
+        """Refuse `true` or `"2"` for a number and `1` for a boolean, all of which pydantic would convert."""
         expected = scalars(cls.model_fields[info.field_name].annotation) if info.field_name else frozenset()
         for item in value if isinstance(value, list | tuple) else (value,):
             if _is_another(item, expected):
-                words = " or ".join(says for kind, says in _WORDS.items() if kind in expected)
+                words = " or ".join(word for kind, word in _WORDS.items() if kind in expected)
                 raise ValueError(f"expected {words}, got {shown(item)}")
         return value
 
 
 def scalars(annotation: Any) -> frozenset[type]:
-    """The kinds of plain values that a field takes, by its annotation; those within a list count, too."""
+    """Return the scalar types that a field accepts according to its annotation, including those within a list."""
     origin = get_origin(annotation)
     if origin is Literal:
         return frozenset(type(choice) for choice in get_args(annotation))
@@ -49,5 +49,5 @@ def _is_another(item: object, expected: frozenset[type]) -> bool:
     if isinstance(item, bool):
         return bool not in expected
     if isinstance(item, int | float):
-        return not expected & (_NUMBERS | {str})  # pydantic itself refuses a number for a text
+        return not expected & (_NUMBERS | {str})  # pydantic itself refuses a number for a string
     return isinstance(item, str) and not expected & {str, datetime.date}

@@ -1,4 +1,4 @@
-"""Reading a TOML file into a pydantic model, with errors that name the file, the line and the field."""
+"""Read a TOML file into a pydantic model, with errors that name the file, the line and the field."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from benchctl_instruments.field_faults import field_fault
 
 Model = TypeVar("Model", bound=BaseModel)
 Place = tuple[str | int, ...]
-"""The way to a field: names of tables and, in a list of tables, the number of one, from 0."""
+"""The path to a field: names of tables and, in a list of tables, an index from 0."""
 
 _HEADER = re.compile(r"\s*(\[\[?)([^\[\]]+)\]\]?\s*(?:#|$)")
 _KEY = re.compile(r"\s*([A-Za-z0-9_.\-\"']+)\s*=")
 _NAMED = re.compile(r"\[*([\w.]+)\]*(?: (\w+))?")
 _MOST_COMPARED = 10
-"""Unknown keys that are compared with the known ones; comparing thousands would take seconds."""
+"""The number of unknown keys compared with the known ones; comparing thousands would take seconds."""
 
 
 def read_text(path: Path, what: str) -> str:
-    """The text of a file; `what` is its role in an error.
+    """Return the text of a file; `what` is its role in an error message.
 
     Raises
     ------
     UsageError
-        Where it is not there, not UTF-8, or too large to have been meant.
+        If it does not exist, is not UTF-8, or is too large.
     """
     try:
         text = read_whole(path, MOST_TOML_BYTES, f"{what} ").decode("utf-8")
@@ -45,12 +45,12 @@ def read_text(path: Path, what: str) -> str:
 
 
 def parse_toml(text: str, model: type[Model], name: str) -> Model:
-    """The model that a TOML text stands for; `name` is the file's name in an error.
+    """Validate a TOML text and return the model; `name` is the file's name in an error message.
 
     Raises
     ------
     UsageError
-        One line that names the file, the line of the first wrong field, all missing ones, and how many more are wrong.
+        One line that names the file, the line of the first wrong field, all missing fields, and the number of others.
     """
     document = toml_in_units(text, name)
     try:
@@ -60,21 +60,21 @@ def parse_toml(text: str, model: type[Model], name: str) -> Model:
 
 
 def toml_in_units(text: str, name: str) -> dict[str, Any]:
-    """What a TOML text stands for, its numbers in the units that their keys state, also where they bring one.
+    """Return the values of a TOML text; numbers with a unit are converted to the units that their keys state.
 
-    So `silence_s = "2 min"` is 120.0; other strings are left as they are.
+    For example, `silence_s = "2 min"` becomes 120.0; other strings are not changed.
 
     Raises
     ------
     UsageError
-        No TOML, or a key that states a unit with a string that is no number of that kind; names the line.
+        If it is not TOML, or a key that states a unit has a string that is no number of that kind; names the line.
     """
     document: dict[str, Any] = _in_units(toml_document(text, name), (), text, name)
     return document
 
 
 def line_of(text: str, place: Place) -> int:
-    r"""The line, from 1, on which a field is set; the line of its table where it is not set.
+    r"""Return the line, counted from 1, on which a field is set, or the line of its table if it is not set.
 
     >>> line_of('[a]\nb = 1\n', ("a", "b"))
     2
@@ -97,15 +97,15 @@ def line_of(text: str, place: Place) -> int:
 
 
 def named_place(says: str) -> Place:
-    """The field that a message begins with: `safe.chamber_c (99) lies …`, or `[effects.warm_up] tau_s: …`."""
+    """Return the field at the beginning of a message: `safe.chamber_c (99) lies …`, or `[effects.warm_up] tau_s: …`."""
     found = _NAMED.match(says)
     return (*_parts(found[1]), *([found[2]] if found[2] else [])) if found else ()
 
 
 def _table(parts: tuple[str, ...], latest: dict[Place, int], place: Place, *, is_new: bool) -> Place:
-    """The table of a header, as far as it leads towards a place.
+    """Return the path of a header's table, as far as it agrees with `place`.
 
-    `latest` counts the tables of each list on that way so far; a header that `is_new` adds one.
+    `latest` holds the index of the latest table of each list on that path; a header with `is_new` increments it.
     """
     found: Place = ()
     for count, part in enumerate(parts, 1):
@@ -138,7 +138,7 @@ def _in_units(value: Any, place: Place, text: str, name: str) -> Any:
 
 
 def _in_document(loc: Place, document: Any) -> Place:
-    """The place of a fault, without what pydantic puts in between: the kind of a table that may be of several."""
+    """Return the path of a fault without the names that pydantic inserts for the types of a union."""
     found: Place = ()
     for part in loc:
         with suppress(IndexError, KeyError, TypeError):
@@ -148,7 +148,7 @@ def _in_document(loc: Place, document: Any) -> Place:
 
 
 def _faults(err: ValidationError, model: type[BaseModel], text: str, document: dict[str, Any]) -> str:
-    """The line and the words of the first fault, or of a misspelt key of a missing field; then all missing fields."""
+    """Return line and message of the first fault, or of a misspelt key of a missing field; then all missing fields."""
     found = err.errors(include_url=False, include_context=False)
     missing = [each["loc"] for each in found if each["type"] == "missing"]
     unknown = [each for each in found if each["type"] == "extra_forbidden"][:_MOST_COMPARED]
@@ -156,18 +156,18 @@ def _faults(err: ValidationError, model: type[BaseModel], text: str, document: d
     misspelt = [each for each in unknown if (*each["loc"][:-1], meant[each["loc"]]) in missing]
     missing = [loc for loc in missing if loc not in {(*each["loc"][:-1], meant[each["loc"]]) for each in misspelt}]
     head = misspelt[0] if misspelt else found[0]
-    place, says, names = head["loc"], field_fault(head, shown), listed([_dotted(loc) for loc in missing])
+    place, fault, names = head["loc"], field_fault(head, shown), listed([_dotted(loc) for loc in missing])
     if head["type"] == "missing":
         others = len(found) - len(missing)
-        words = f"{names}: {says if len(missing) == 1 else 'these fields are needed and are not there'}"
+        words = f"{names}: {fault if len(missing) == 1 else 'these fields are needed and are not there'}"
     else:
         others = len(found) - len(missing) - len(misspelt) - 1
-        if head["type"] == "value_error":  # of a table, whose validator names the field first
-            place += named_place(says)
+        if head["type"] == "value_error":  # from a table's validator, whose message begins with the field
+            place += named_place(fault)
         if near := meant.get(head["loc"]):
-            says += f": did you mean {near}?"
+            fault += f": did you mean {near}?"
         field = _dotted(head["loc"])
-        words = f"{field}{': ' if field else ''}{cut(says)}{f'; needed and not there: {names}' if names else ''}"
+        words = f"{field}{': ' if field else ''}{cut(fault)}{f'; needed and not there: {names}' if names else ''}"
     more = f" (and {others} more)" if others else ""
     return f"line {line_of(text, _in_document(place, document))}: {words}{more}"
 
@@ -177,7 +177,7 @@ def _dotted(loc: Place) -> str:
 
 
 def _fields(kind: Any, loc: Place) -> Iterator[str]:
-    """The names of the fields of the table at a place; `kind` is what the model has at its beginning."""
+    """Yield the names of the fields of the table at a path; `kind` is the type at the start of the path."""
     loc = loc[1:] if loc and (isinstance(loc[0], int) or get_origin(kind) is dict) else loc
     if not inspect.isclass(kind):
         for part in get_args(kind):
@@ -187,5 +187,5 @@ def _fields(kind: Any, loc: Place) -> Iterator[str]:
             yield from kind.model_fields
         elif loc[0] in kind.model_fields:
             yield from _fields(kind.model_fields[str(loc[0])].annotation, loc[1:])
-        elif any(loc[0] in get_args(field.annotation) for field in kind.model_fields.values()):  # one of several kinds
+        elif any(loc[0] in get_args(field.annotation) for field in kind.model_fields.values()):  # a type of a union
             yield from _fields(kind, loc[1:])

@@ -1,9 +1,9 @@
-"""Units of measure by pint, and numbers with a unit as a person writes them: `90min` where the name says seconds.
+"""Units of measure by pint, and numbers with a unit, such as `90min` for a name that states seconds.
 
-The name of a number states its unit by its ending (`soak_s`, `rate_dps`); a bare number is in that unit, and one with
-another unit of the same kind is converted, exactly. What is kept and recorded is the plain number in the stated unit.
-Of a temperature the name also says whether it is one on the scale or a difference; where it does not, only °C will do,
-in which both are the same number. pint is imported only where a unit is met.
+The ending of a name states the unit of its number (`soak_s`, `rate_dps`). A bare number is in that unit; a number with
+another unit of the same kind is converted exactly. Stored and recorded is the plain number in the stated unit.
+For a temperature, the name also states whether it is a point on the scale or a difference; otherwise only °C is
+accepted, in which both are the same number. pint is imported only when a unit occurs.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _LONGEST = 60
 _SPELLING = re.compile(r"(?:(?:[A-Za-z_]++|\))(?:(?:\^|\*\*)-?\d(?:\.\d)?)?|[( ]|/(?!/)|\*(?!\*)|1)+")
-"""Words, brackets, products, quotients and small powers: nothing that could take long to work out."""
+"""Words, brackets, products, quotients and small powers, all of which are fast to evaluate."""
 
 _SIGNS = {
     "℃": "degC",
@@ -44,19 +44,19 @@ _SIGNS = {
 }
 _SPELLED = re.compile("|".join(re.escape(sign) for sign in sorted(_SIGNS, key=len, reverse=True)))
 _PINTS_OWN = (TypeError, ValueError, AttributeError, SyntaxError, AssertionError)
-"""What pint raises of texts beside its own errors; an assertion fails of an operator with nothing behind it."""
+"""Exceptions of pint for invalid texts in addition to its own; an operator without an operand fails an assertion."""
 _SCALES = re.compile(r"\bdeg([CF])\b")
 
 
 def factor_between(unit: str, other: str) -> float:
-    """By what a number in one unit is multiplied to be in another.
+    """Return the factor that converts a number in one unit to another.
 
-    Degrees Celsius and Fahrenheit are those of a difference: scales with another zero have no factor.
+    Degrees Celsius and Fahrenheit are treated as differences, since scales with different zeros have no factor.
 
     Raises
     ------
     ValueError
-        Where the other is no unit, or one of something else; in words.
+        If the other is not a unit, or a unit of another kind.
 
     >>> factor_between("deg/h", "deg/s") * 3600
     1.0
@@ -71,14 +71,14 @@ def factor_between(unit: str, other: str) -> float:
 
 
 def exact_factor(unit: str, other: str) -> Fraction:
-    """`factor_between` as a ratio of whole numbers; that of π is its first fifty digits."""
+    """Return `factor_between` as an exact fraction; π is represented by its first fifty digits."""
     import tokenize
 
     import pint
 
     try:
         ours, theirs = (_registry().Quantity(Fraction(1), _unit(text)) for text in (unit, other))
-        if ours.to_root_units().units != theirs.to_root_units().units:  # for pint an angle is but a number: rad/s is Hz
+        if ours.to_root_units().units != theirs.to_root_units().units:  # pint treats an angle as a number: rad/s is Hz
             raise ValueError(other)
         return Fraction(ours.to(theirs.units).magnitude)
     except (pint.PintError, *_PINTS_OWN, tokenize.TokenError) as err:
@@ -86,7 +86,7 @@ def exact_factor(unit: str, other: str) -> Fraction:
 
 
 def spelled(text: str) -> str:
-    """A unit in letters: ° and %, small raised figures and the like as pint knows them.
+    """Return a unit in the spelling of pint: signs such as °, % and superscripts are replaced by letters.
 
     >>> spelled("°/s²"), spelled("°C/min")
     ('deg/s^2', 'degC/min')
@@ -134,8 +134,8 @@ ENDINGS: dict[str, str] = {
     "_percent": "percent",
     "_c": "degC or K",
 }
-"""The unit that a name states, by its ending; the first that fits. `degC` is a temperature on the scale, `K` the
-difference of two, `degC or K` one of them, and the words of the name say which."""
+"""The unit that a name states by its ending; the first match applies. `degC` is a temperature on the scale, `K` a
+difference of temperatures; for `degC or K`, the last word of the name decides."""
 
 _ON_THE_SCALE = frozenset(
     (
@@ -169,7 +169,7 @@ _TO_CELSIUS = {
     **dict.fromkeys(("K", "kelvin"), (Fraction(1), Fraction(-27315, 100))),
     **dict.fromkeys(("degF", "fahrenheit"), (Fraction(5, 9), Fraction(-160, 9))),
 }
-"""By what a temperature is multiplied, and what is added, to be one in °C."""
+"""Factor and offset that convert a temperature to °C."""
 
 _WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 _LONGEST_TEXT = 100
@@ -177,7 +177,7 @@ _LARGEST, _SMALLEST = 1e300, 1e-300
 
 
 def unit_stated(name: str) -> str:
-    """The unit that a name states by its ending, one of `ENDINGS`; empty where it states none.
+    """Return the unit that a name states by its ending, one of `ENDINGS`; empty if it states none.
 
     >>> unit_stated("soak_s"), unit_stated("coldest_c"), unit_stated("tolerance_c"), unit_stated("points")
     ('s', 'degC', 'K', '')
@@ -192,14 +192,14 @@ def unit_stated(name: str) -> str:
 
 
 def quantity(text: str, unit: str) -> float:
-    """The number that a text stands for, in a unit: bare, or with any unit of the same kind.
+    """Convert a text to a number in `unit`; the text is a bare number, or has any unit of the same kind.
 
-    The unit is one that `unit_stated` gives, or any that pint knows; where it is empty, only a bare number will do.
+    `unit` is a result of `unit_stated`, or any unit of pint; if it is empty, only a bare number is accepted.
 
     Raises
     ------
     UsageError
-        No finite number, or a unit that is none of that kind; says what would do.
+        If the number is not finite, or its unit is of another kind; the message states what is expected.
 
     >>> quantity("90min", "s"), quantity("1", "s"), quantity("68 °F", "degC"), quantity("1 °C/min", "K/min")
     (5400.0, 1.0, 20.0, 1.0)
@@ -211,7 +211,7 @@ def quantity(text: str, unit: str) -> float:
         return number
     if not unit:
         raise UsageError(f"{_expected(unit, text)}: its name states no unit")
-    if number and not _SMALLEST < abs(number) < _LARGEST:  # its digits are too many to be exact about
+    if number and not _SMALLEST < abs(number) < _LARGEST:  # too many digits for an exact conversion
         raise UsageError(f"expected a number of ordinary size, got {shown(text)}")
     return _in_unit(Fraction(found[1]) if number else Fraction(0), found[2], unit, text)
 

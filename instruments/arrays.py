@@ -1,4 +1,4 @@
-"""The kinds of numpy arrays that types name, by what their elements are."""
+"""Type aliases of the numpy arrays used in annotations, named after their element types."""
 
 import numpy as np
 import numpy.typing as npt

@@ -1,15 +1,15 @@
-"""Which models there are: a module in `rate_tables/`, `chambers/`, `digitizers/` or `gyros/` with a `Driver` is one.
+"""Catalog of instrument models: a module in `rate_tables/`, `chambers/`, `digitizers/` or `gyros/` with a `Driver`.
 
-Its simulated twin is the module of the same name in `simulated/`, with a `Twin`. Other packages add drivers through the
-entry points `benchctl.instruments`, named `KIND.MODEL`, for example `chamber.acme_9000`, and twins through
-`benchctl.simulated` under the same name; none of them takes the place of one of ours. A chamber's model may also be the
-path of a profile, a file whose name ends in `.toml`; see `chambers.profile`. Whoever has read the file
-gives its text as well, so that a profile stays what it was when a campaign began.
+The simulated twin of a model is the class `Twin` in the module of the same name in `simulated/`. Other packages add
+drivers through the entry points `benchctl.instruments`, named `KIND.MODEL`, for example `chamber.acme_9000`, and twins
+through `benchctl.simulated` under the same name; they cannot replace a built-in model. A chamber's model may also be
+the path of a profile, a file whose name ends in `.toml`; see `chambers.profile`. A caller that has read this file
+passes its text too, so that the profile stays as it was when a campaign began.
 
-A driver is called with an address, the keyword `clock` and the options of bench.toml, and gives what
-`interfaces` asks of its kind. A twin is called with its machine (`simulated.machines`) and
-those of the options that it takes; it has `address` and is a context manager that serves while it is entered. Where its
-link may have faults it has `faults`, None at first, which `benchctl_instruments.simulated.tcp_server` plays.
+A driver is called with an address, the keyword `clock` and the options of bench.toml, and implements the protocol of
+its kind in `interfaces`. A twin is called with its machine (`simulated.machines`) and the options that it accepts; it
+has `address` and is a context manager that serves while it is entered. If its link supports simulated faults, it has
+the attribute `faults`, initially None, which `benchctl_instruments.simulated.tcp_server` plays.
 """
 
 from __future__ import annotations
@@ -39,32 +39,32 @@ PROFILE = ".toml"
 
 
 def is_profile(model: str) -> bool:
-    """Whether a chamber's model is the path of a profile."""
+    """Return whether a chamber's model is the path of a profile."""
     return model.endswith(PROFILE)
 
 
 def models(kind: Kind) -> tuple[str, ...]:
-    """The models of a kind that have a driver, sorted: ours, and those that other packages add."""
+    """Return the sorted models of a kind that have a driver: the built-in ones and those that other packages add."""
     theirs = (name.partition(".")[2] for name in offers(DRIVERS) if name.startswith(f"{kind}."))
     return tuple(sorted({*our_models(kind), *theirs}))
 
 
 def our_models(kind: Kind) -> tuple[str, ...]:
-    """Those of ours, sorted."""
+    """Return the sorted built-in models of a kind."""
     package = importlib.import_module(f"benchctl_instruments.{_FOLDERS[kind]}")
     names = (module.name for module in pkgutil.iter_modules(package.__path__))
     return tuple(sorted(name for name in names if _member(name, package.__name__, "Driver") is not None))
 
 
 def driver(kind: Kind, model: str, profile: str = "") -> Any:
-    """What makes the driver; called with an address, the keyword `clock`, and the options of bench.toml.
+    """Return the factory of the driver; call it with an address, the keyword `clock` and the options of bench.toml.
 
-    `profile` is the text of the profile that `model` names; without it that file is read.
+    `profile` is the text of the profile that `model` names; if it is empty, the file is read.
 
     Raises
     ------
     UsageError
-        Where no such model is known, its profile is not there or wrong, or the package that adds it cannot be used.
+        If the model is unknown, its profile is missing or invalid, or the package that adds it cannot be used.
     """
     if is_profile(model):
         return _with_profile(kind, model, profile, "benchctl_instruments.chambers.profiled", "ProfiledChamber")
@@ -76,7 +76,7 @@ def driver(kind: Kind, model: str, profile: str = "") -> Any:
 
 
 def oscillates(model: str) -> bool:
-    """Whether rate tables of that model know sinusoids; true where nothing is known: who opens one finds out."""
+    """Return whether rate tables of this model support sinusoids; True if that is unknown until the table is opened."""
     try:
         return bool(getattr(driver("rate_table", model), "oscillates", True))
     except UsageError:
@@ -84,12 +84,12 @@ def oscillates(model: str) -> bool:
 
 
 def twin(kind: Kind, model: str, profile: str = "") -> Any:
-    """What makes the simulated server; called with its machine in the simulated world. `profile`: as for `driver`.
+    """Return the factory of the simulated server; call it with its machine. `profile` is as for `driver`.
 
     Raises
     ------
     UsageError
-        Where that model has no simulated twin, its profile is not there or wrong, or the package that adds it cannot be
+        If the model has no simulated twin, its profile is missing or invalid, or the package that adds it cannot be
         used.
     """
     if is_profile(model):
@@ -104,12 +104,12 @@ def twin(kind: Kind, model: str, profile: str = "") -> Any:
 
 
 def find_profile(model: str, folder: Path) -> tuple[Path, str]:
-    """The profile that a chamber's model names: its whole path, and its text. A relative path begins in `folder`.
+    """Return the absolute path and the text of a chamber model's profile; a relative path starts in `folder`.
 
     Raises
     ------
     UsageError
-        Where there is no such file, or it cannot be read.
+        If the file does not exist or cannot be read.
     """
     try:
         path = (folder / Path(model).expanduser()).absolute()
@@ -121,7 +121,7 @@ def find_profile(model: str, folder: Path) -> tuple[Path, str]:
 
 
 def _with_profile(kind: Kind, model: str, text: str, module: str, name: str) -> Any:
-    """The class for chambers with a profile, with the profile of that text or, without one, of the present folder."""
+    """Return the class with the profile parsed from `text` or, if that is empty, from a file in the current folder."""
     if kind != "chamber":
         raise UsageError(f"{kind}.model: {model!r} is a profile, and only chambers have such; {_known(kind, model)}")
     path, found = (Path(model), text) if text else find_profile(model, Path())
@@ -131,12 +131,12 @@ def _with_profile(kind: Kind, model: str, text: str, module: str, name: str) -> 
 def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
-    except OSError:  # a folder that may not be looked into, a name that is too long: reading it says so
+    except OSError:  # no permission for the folder, or the name is too long: reading the file reports it
         return True
 
 
 def _beside(path: Path) -> str:
-    """What stands where a profile should be."""
+    """Describe which profiles the folder contains instead of the missing one."""
     names = sorted(file.name for file in path.parent.glob(f"*{PROFILE}")) if path.parent.is_dir() else []
     close = difflib.get_close_matches(path.name, names, 1)
     if close:
@@ -147,14 +147,14 @@ def _beside(path: Path) -> str:
 
 
 def _member(model: str, package: str, name: str) -> Any:
-    """What a module of ours, named after the model, has under that name; None where there is none."""
+    """Return the attribute `name` of the built-in module of a model, or None."""
     if not model.isidentifier() or importlib.util.find_spec(f"{package}.{model}") is None:
         return None
     return getattr(importlib.import_module(f"{package}.{model}"), name, None)
 
 
 def _chosen(ours: Any, offer: Offer | None) -> Any:
-    """Ours, else what another package adds, else None."""
+    """Return the built-in class, or the one that another package adds, or None."""
     if offer is None:
         return ours
     if ours is not None:
@@ -167,6 +167,6 @@ def _chosen(ours: Any, offer: Offer | None) -> Any:
 
 
 def _known(kind: Kind, model: str) -> str:
-    """What the name of a model might have meant."""
+    """Suggest the closest known model, or list the known models."""
     close = difflib.get_close_matches(model, models(kind), 1)
     return f"did you mean {close[0]}?" if close else f"there are {', '.join(models(kind))}"

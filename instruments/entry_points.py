@@ -1,14 +1,14 @@
-"""What other installed packages add by entry points: found by name, loaded when asked for, refused in one line.
+"""Entry points of other installed packages: found by name, loaded when needed, and rejected with a one-line message.
 
-| group                  | a name                         | what it names                                      |
+| group                  | name                           | object                                             |
 |------------------------|--------------------------------|----------------------------------------------------|
-| `benchctl.procedures`  | that of the procedure          | a function with `@procedure`                       |
+| `benchctl.procedures`  | name of the procedure          | a function with `@procedure`                       |
 | `benchctl.instruments` | `KIND.MODEL`, as in bench.toml | a driver, of a `catalog.Kind`                      |
 | `benchctl.simulated`   | the same                       | its simulated twin, a server over its machine      |
-| `benchctl.effects`     | the effect's identifier        | a class of effects, of whatever part of the bench  |
+| `benchctl.effects`     | the effect's identifier        | a class of effects, of any part of the bench       |
 
-A name of ours is never replaced, and of a name that two other packages add neither is taken. What is left out is said
-once, as a warning of this module's logger, which Python shows on stderr where nobody has set logging up.
+A built-in name is never replaced, and a name that two other packages add is ignored. Each ignored entry point is
+reported once as a warning of this module's logger, which Python prints on stderr if logging is not configured.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """Something that an installed package adds."""
+    """An entry point of an installed package."""
 
     point: EntryPoint
 
@@ -40,12 +40,12 @@ class Offer:
         return "of unknown name" if self.point.dist is None else self.point.dist.name
 
     def load(self) -> Any:
-        """What it names.
+        """Import and return the object.
 
         Raises
         ------
         UsageError
-            Where importing it fails, whatever the package's modules raise.
+            If the import fails with any exception.
         """
         try:
             return self.point.load()
@@ -54,14 +54,14 @@ class Offer:
             raise self.refused(f"cannot be loaded ({reason}); mend or uninstall that package") from err
 
     def refused(self, why: str) -> UsageError:
-        """That it cannot be used."""
+        """Return a `UsageError` stating that the object cannot be used."""
         offers = f"package {self.package} adds {self.point.group}, {self.point.name} = {self.point.value}"
         return UsageError(f"{offers}: {why}")
 
 
 @lru_cache
 def offers(group: str) -> Mapping[str, Offer]:
-    """What all packages add to a group, by name, sorted."""
+    """Return the entry points of all packages in a group, sorted by name."""
     named: dict[str, list[Offer]] = {}
     for point in entry_points(group=group):
         named.setdefault(point.name, []).append(Offer(point))
@@ -71,17 +71,17 @@ def offers(group: str) -> Mapping[str, Offer]:
 
 @lru_cache
 def leave_out(offer: Offer, why: str) -> None:
-    """Say, once, that an offer is not taken."""
+    """Log once that an entry point is ignored."""
     logger.warning("benchctl: warning: %s", offer.refused(why))
 
 
 def leave_out_clash(offer: Offer) -> None:
-    """Say, once, that an offer is not taken because ours has the name."""
+    """Log once that an entry point is ignored because a built-in one has its name."""
     leave_out(offer, "left out: benchctl has one of that name; its package must give it another")
 
 
 def _one_of(found: list[Offer]) -> Offer | None:
-    if len(found) == 1:  # as usual; it is quick, for it does not read what the package says of itself
+    if len(found) == 1:  # the usual case; fast, since the package's metadata are not read
         return found[0]
     ours = [offer for offer in found if offer.package == OURS]
     if ours:

@@ -1,30 +1,30 @@
-"""Whose fault it is: the class of an error decides the reaction, so that no caller has to parse a message.
+"""Exceptions of the suite. The class of an error determines the reaction; no caller has to parse a message.
 
-| class             | who is to blame                               | reaction                      | exit status |
+| class             | cause                                         | reaction                      | exit status |
 |-------------------|-----------------------------------------------|-------------------------------|-------------|
-| `UsageError`      | the caller: the input cannot be used          | say so, never retry           | 2           |
-| `LinkError`       | the wire: no bytes, or broken ones            | may be retried, then stop     | 3           |
-| `InstrumentError` | the instrument said no, or answered nonsense  | never retry blindly, stop     | 3           |
-| `SafetyError`     | a limit was passed                            | bring the bench to rest       | 3           |
+| `UsageError`      | the caller: the input is invalid              | report it, never retry        | 2           |
+| `LinkError`       | the connection: no bytes, or broken ones      | may be retried, then stop     | 3           |
+| `InstrumentError` | the instrument refused, or answered nonsense  | never retry blindly, stop     | 3           |
+| `SafetyError`     | a limit was exceeded                          | bring the bench to rest       | 3           |
 
-A message is one line and says what was tried, what was expected, what came, and what to do.
+A message is one line: what was attempted, what was expected, what was received, and what to do.
 """
 
 
 class BenchError(Exception):
-    """Something that the operator is told in one line; not to be raised itself."""
+    """Base class of errors that are reported to the operator in one line; not raised itself."""
 
     exit_status = 3
 
 
 class UsageError(BenchError):
-    """The input or the call cannot be used as it is."""
+    """The input or the call is invalid."""
 
     exit_status = 2
 
 
 class LinkError(BenchError):
-    """No answer came over the wire, or a broken one."""
+    """No answer was received, or a broken one."""
 
 
 class InstrumentError(BenchError):
@@ -32,18 +32,18 @@ class InstrumentError(BenchError):
 
 
 class SafetyError(BenchError):
-    """A limit of the bench was passed or cannot be watched any more."""
+    """A limit of the bench was exceeded or can no longer be monitored."""
 
 
 class BenchNotReadyError(LinkError):
-    """Instruments failed at start-up; all of them are named, each with its reason. Nothing has moved yet.
+    """Instruments failed at start-up; the message names each one with its reason. Nothing has moved yet.
 
-    The exit status is that of unusable input where one of them cannot be used as it was described.
+    The exit status is that of a `UsageError` if one of the failures is one.
 
     Parameters
     ----------
     failures
-        Name of the instrument -> what it failed with.
+        Name of the instrument -> its error.
     """
 
     def __init__(self, failures: dict[str, BenchError]) -> None:
@@ -54,11 +54,11 @@ class BenchNotReadyError(LinkError):
 
 
 def reason(err: OSError) -> str:
-    """What the system says, within a line of ours: "permission denied"."""
+    """Return the system's message, formatted for use within a line: "permission denied"."""
     return in_line(err.strerror or str(err))
 
 
 def in_line(text: str) -> str:
-    """What another program says, within a line of ours: one line, no full stop, beginning small unless with a name."""
+    """Return another program's message in one line, without full stop, starting in lower case unless with a name."""
     line = " ".join(text.split()).removesuffix(".")
     return line[:1].lower() + line[1:] if line[1:2].islower() else line

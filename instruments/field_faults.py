@@ -1,4 +1,4 @@
-"""What is wrong with a field of a table, as pydantic found it, in words of ours: "expected a number, got 'x'"."""
+"""Convert pydantic's validation errors of a table's fields to the wording used here: "expected a number, got 'x'"."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _NO_TAG = re.compile(r"Unable to extract tag using discriminator '(\w+)'")
 
 
 def field_fault(fault: ErrorDetails, shown: Callable[[Any], str]) -> str:
-    """What is wrong, without where; `shown` is how a value is shown."""
+    """Return what is wrong, without the place; `shown` formats a value."""
     match fault["type"]:
         case "missing":
             return "this field is needed and is not there"
@@ -52,7 +52,7 @@ def field_fault(fault: ErrorDetails, shown: Callable[[Any], str]) -> str:
 
 
 def expectation(says: str) -> str:
-    """What pydantic says of a value, as what was expected.
+    """Return a pydantic message about a value, reworded as an expectation.
 
     >>> expectation("Input should be greater than or equal to 0")
     'expected a number of at least 0'

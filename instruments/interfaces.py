@@ -1,7 +1,7 @@
-"""What a rate table, a chamber, a digitizer, a digital gyro and a clock are, whoever built them.
+"""Protocols of a rate table, a chamber, a digitizer, a digital gyro and a clock, common to all manufacturers.
 
-Angles in degrees and rates in degrees a second, positive counter-clockwise seen from above; temperatures in °C; volts;
-seconds. Every method either does what it says, confirmed by reading back, or raises one of `errors`.
+Units: angles in degrees and rates in degrees per second, positive counter-clockwise from above; temperatures in °C;
+volts; seconds. Every method either does what it describes, confirmed by reading back, or raises one of `errors`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from benchctl_instruments.mounting import Position as Position
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """Who an instrument says that it is; an empty string where it does not say."""
+    """The identity that an instrument reports; unreported fields are empty strings."""
 
     manufacturer: str = ""
     model: str = ""
@@ -25,7 +25,7 @@ class Identity:
 
 
 class TableState(Enum):
-    """The states of a rate table, least alive first."""
+    """The states of a rate table, sorted from disabled to moving."""
 
     DISABLED = "disabled"
     FAULT = "fault"
@@ -35,7 +35,7 @@ class TableState(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableLimits:
-    """Limits held by the controller itself, beside those that the suite watches."""
+    """Limits enforced by the controller itself, in addition to those that the suite monitors."""
 
     rate_dps: float
     acceleration_dps2: float
@@ -43,9 +43,9 @@ class TableLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableReading:
-    """Angle [0, 360), rate and acceleration in one combined read, as the controller states them.
+    """Angle [0, 360), rate and acceleration from one combined read, as reported by the controller.
 
-    Where the controller states no acceleration, `acceleration_dps2` is what reads of the rate prove, or not a number.
+    If the controller reports no acceleration, `acceleration_dps2` is derived from reads of the rate, or NaN.
     """
 
     angle_deg: float
@@ -54,16 +54,16 @@ class TableReading:
 
 
 class Instrument(Protocol):
-    """What every instrument can do; `with` opens it and closes its link."""
+    """Methods common to all instruments; `with` opens the instrument and closes its link."""
 
     def open(self) -> None:
-        """Connect and make sure that the right instrument answers."""
+        """Connect and check that the right instrument answers."""
 
     def close(self) -> None:
-        """Let go of the link; safe to call twice, and never raises."""
+        """Close the link; safe to call twice, and never raises."""
 
     def identify(self) -> Identity:
-        """Who it is."""
+        """Return the instrument's identity."""
 
     def __enter__(self) -> Self:
         self.open()
@@ -76,7 +76,7 @@ class Instrument(Protocol):
 class RateTable(Instrument, Protocol):
     """A single-axis rate table.
 
-    A driver whose controller has no sinusoid says so beforehand, by an attribute of its class, `oscillates = False`.
+    A driver whose controller does not support sinusoids has the class attribute `oscillates = False`.
     """
 
     def set_limits(self, limits: TableLimits) -> None:
@@ -89,30 +89,30 @@ class RateTable(Instrument, Protocol):
         """Open the servo loop; the table must be at rest."""
 
     def go_to_rate(self, rate_dps: float) -> None:
-        """Turn at a constant rate, reached within the acceleration limit; returns at once."""
+        """Start to turn at a constant rate, reached within the acceleration limit; returns at once."""
 
     def go_to_angle(self, angle_deg: float) -> None:
-        """Turn to an angle, the short way round, and hold it; returns at once."""
+        """Start to turn to an angle by the shorter way, and hold it; returns at once."""
 
     def oscillate(self, amplitude_dps: float, frequency_hz: float) -> None:
-        """Oscillate about the present angle; `amplitude_dps` is the peak of the rate. Returns at once.
+        """Start to oscillate about the present angle; `amplitude_dps` is the peak of the rate. Returns at once.
 
-        Raises `UsageError` where the controller has no sinusoid.
+        Raises `UsageError` if the controller does not support sinusoids.
         """
 
     def stop(self) -> None:
-        """A controlled stop; returns at once, the rate reaches zero within the acceleration limit."""
+        """Start a controlled stop; returns at once, the rate reaches zero within the acceleration limit."""
 
     def read(self) -> TableReading:
-        """Angle, rate and acceleration now."""
+        """Return the present angle, rate and acceleration."""
 
     def state(self) -> TableState:
-        """What it is doing; raises `InstrumentError` only where the answer makes no sense."""
+        """Return the present state; raises `InstrumentError` only if the answer is invalid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChamberReading:
-    """Air temperature and set point in °C, heating (+) or cooling (-) power in percent, active alarms in words."""
+    """Air temperature and set point in °C, heating (+) or cooling (-) power in percent, texts of active alarms."""
 
     temperature_c: float
     setpoint_c: float
@@ -127,23 +127,23 @@ class Chamber(Instrument, Protocol):
         """Program the controller's own set point limits."""
 
     def start(self) -> None:
-        """Conditioning on."""
+        """Switch conditioning on."""
 
     def stop(self) -> None:
-        """Conditioning off; the set point stays as it is."""
+        """Switch conditioning off; the set point does not change."""
 
     def go_to(self, setpoint_c: float) -> None:
-        """A new set point; returns at once, the air follows within the chamber's ramp."""
+        """Set a new set point; returns at once, the air follows within the chamber's ramp."""
 
     def read(self) -> ChamberReading:
-        """Air, set point, power, alarms now."""
+        """Return air temperature, set point, power and alarms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamStart:
-    """What the digitizer really does once its stream runs.
+    """Actual rate and start time of the digitizer's stream.
 
-    `rate_hz` is the actual scan rate; `start_s` the instant of the first scan on the digitizer's own counter,
+    `rate_hz` is the actual scan rate; `start_s` is the instant of the first scan on the digitizer's own counter,
     unwrapped, counted from `open()`.
     """
 
@@ -155,10 +155,10 @@ class StreamStart:
 class ScanBlock:
     """Scans that were taken together in hardware, oldest first.
 
-    `first_index` counts scans from the start of the stream and includes the skipped ones, so that scan i of the block
-    was taken at `start_s + (first_index + i) / rate_hz` and a gap shows as a jump of `first_index`. `encoder_count` is
-    the raw quadrature count, signed and unwrapped within the stream, shape (n,); `gyro_v` and `thermistor_v` are
-    calibrated volts, shape (n,). `backlog` is the number of scans that still wait in the instrument.
+    `first_index` counts scans from the start of the stream, including skipped ones: scan i of the block was sampled at
+    `start_s + (first_index + i) / rate_hz`, and a gap is a jump of `first_index`. `encoder_count` is the raw quadrature
+    count, signed and unwrapped within the stream, shape (n,); `gyro_v` and `thermistor_v` are calibrated volts, shape
+    (n,). `backlog` is the number of scans still buffered in the instrument.
     """
 
     first_index: int
@@ -170,7 +170,7 @@ class ScanBlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SingleScan:
-    """One unhurried reading of each input: raw count, gyro volts, thermistor volts."""
+    """One reading of each input outside a stream: raw count, gyro volts, thermistor volts."""
 
     encoder_count: int
     gyro_v: float
@@ -178,31 +178,31 @@ class SingleScan:
 
 
 class Digitizer(Instrument, Protocol):
-    """Samples the encoder's count, the gyro's volts and its thermistor in one hardware-timed scan."""
+    """A digitizer that samples the encoder's count, the gyro's volts and its thermistor in one hardware-timed scan."""
 
     def read_once(self) -> SingleScan:
-        """One reading of each input, while no stream runs."""
+        """Return one reading of each input; no stream may be running."""
 
     def start_stream(self, rate_hz: float) -> StreamStart:
         """Start the hardware-timed stream."""
 
     def read_stream(self, scans: int, timeout_s: float) -> ScanBlock:
-        """At least `scans` scans and whatever else has arrived, waiting at most `timeout_s` of wall time.
+        """Return at least `scans` scans and any others received, waiting at most `timeout_s` of wall time.
 
-        Raises `LinkError` where fewer came in time, naming how many. A gap ends a block: what follows it comes with the
-        next call, so a block may then be shorter than `scans`.
+        Raises `LinkError` with the number of scans if fewer arrived in time. A gap ends a block, which may then be
+        shorter than `scans`; the next call returns the scans after the gap.
         """
 
     def stop_stream(self) -> None:
-        """Stop; what still waits in the instrument is discarded. Safe to call where no stream runs."""
+        """Stop the stream and discard the scans buffered in the instrument. Safe to call if no stream runs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GyroGap:
-    """Samples are missing just before sample `index` of a block: `lost` of them, by the gyro's own numbers.
+    """A gap just before sample `index` of a block: `lost` samples are missing according to the gyro's numbers.
 
-    Where `exact` is false the line was not heard for so long that the numbers may have wrapped meanwhile: more may be
-    missing by whole wraps, and the times of what follows are known from here on only.
+    If `exact` is false, the line was unread for so long that the numbers may have wrapped: more samples may be missing,
+    by complete wraps, and the times of later samples are only known relative to this gap.
     """
 
     index: int
@@ -212,10 +212,10 @@ class GyroGap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GyroCounts:
-    """What a gyro's stream has brought since its start.
+    """Counts of a gyro's stream since its start.
 
-    `samples` were kept, `lost` are missing by the gyro's own numbers; `bad_frames` failed their check, and `junk_bytes`
-    belonged to no good frame, those of failed ones included.
+    `samples` were kept and `lost` are missing according to the gyro's numbers; `bad_frames` failed their check, and
+    `junk_bytes` belonged to no valid frame, including those of the failed frames.
     """
 
     samples: int
@@ -226,12 +226,12 @@ class GyroCounts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GyroBlock:
-    """Samples of a digital gyro's one axis, oldest first; every array of shape (n,).
+    """Samples of one axis of a digital gyro, oldest first; every array has shape (n,).
 
-    `sequence` counts samples from the start of the stream, lost ones included: by the gyro's own clock sample i was
-    taken at sequence[i] / rate_hz. `rate_dps` is about the gyro's own axis. `status` is as the gyro states it, `valid`
-    whether it vouches for the sample, and `faults` are the words of everything that was wrong anywhere in the block.
-    `counts` are those of the whole stream. After `wrap` samples the gyro's own numbers come again.
+    `sequence` counts samples from the start of the stream, including lost ones: by the gyro's own clock, sample i was
+    measured at sequence[i] / rate_hz. `rate_dps` is about the gyro's own axis. `status` is as reported, `valid`
+    is whether it marks the sample as good, and `faults` are the texts of all faults within the block. `counts` are
+    those of the entire stream. The gyro's own numbers repeat after `wrap` samples.
     """
 
     sequence: IntArray
@@ -246,30 +246,30 @@ class GyroBlock:
 
 
 class Gyro(Instrument, Protocol):
-    """A gyro with a digital output, which sends samples by itself."""
+    """A gyro with a digital output that sends samples spontaneously."""
 
     def start_stream(self, rate_hz: float) -> float:
-        """Have it send samples; the rate [Hz] at which it does. Nothing older than this call is read."""
+        """Start the stream and return its actual rate [Hz]. Samples older than this call are not returned."""
 
     def read_stream(self, samples: int, timeout_s: float) -> GyroBlock:
-        """At least `samples` samples and whatever came with them, waiting at most `timeout_s` of wall time.
+        """Return at least `samples` samples and any others received, waiting at most `timeout_s` of wall time.
 
-        Raises `LinkError` where fewer came in time, naming how many; they are kept for the next call.
+        Raises `LinkError` with the number of samples if fewer arrived in time; these are kept for the next call.
         """
 
     def stop_stream(self) -> None:
-        """Stop; what was not read is discarded. Safe to call where no stream runs."""
+        """Stop the stream and discard unread samples. Safe to call if no stream runs."""
 
 
 class Clock(Protocol):
-    """Where the runner takes its time from: the host's clock, or that of the simulated bench."""
+    """The source of bench time: the host's clock, or that of the simulated bench."""
 
     def now(self) -> float:
-        """Seconds of bench time since the clock was made; never goes back."""
+        """Return the seconds of bench time since the clock was created; never decreases."""
 
     def sleep(self, seconds: float) -> None:
-        """Let that much bench time pass."""
+        """Wait for `seconds` of bench time."""
 
     @property
     def chunk_s(self) -> float:
-        """How much bench time may pass between two looks at the bench: 0.5 s where bench time is wall time."""
+        """Longest bench time between two checks of the bench: 0.5 s if bench time is wall time."""

@@ -59,7 +59,7 @@ def acceptance(
     run_s: Annotated[float, "least duration of a run, s; whole revolutions, whole periods", POSITIVE] = 30.0,
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
-    """Every test of a gyro in one campaign, for `benchctl accept`: what needs a cold unit first, remounting last."""
+    """All tests of a gyro in one campaign, for `benchctl accept`: tests of the cold unit first, remounting last."""
     yield Soak(setpoint_c=room_c, hold_s=soak_s)
     yield PowerCycle(off_s=off_s)
     yield Static(duration_s=warm_s, settle_s=0.0)

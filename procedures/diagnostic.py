@@ -1,4 +1,4 @@
-"""A run in which every effect that a bench can bring out leaves its mark."""
+"""A run that excites every effect that a bench can excite."""
 
 import math
 from collections.abc import Iterator
@@ -37,9 +37,9 @@ def diagnostic(
     swing_dps: Annotated[float, "peak rate of the swinging during ramps, °/s", Range(0)] = 45.0,
     swing_hz: Annotated[float, "frequency of the swinging during ramps, Hz", POSITIVE] = 0.2,
 ) -> Iterator[Step]:
-    """What the model leaves out: rest, rates, sines at every set point, and ramps between them with the table swinging.
+    """Physics missing from the model: rest, rates and sines at every set point, ramps between with the table swinging.
 
-    The directions begin with the other sign at every second set point, so that neither follows the clock.
+    The sign of the first rate alternates between set points, so that the direction is not correlated with time.
     """
     if soak_s > 0:
         yield Soak(setpoint_c=set_points_c[0], hold_s=soak_s)

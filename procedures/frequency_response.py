@@ -1,4 +1,4 @@
-"""How fast the output follows."""
+"""Frequency response of the output."""
 
 import math
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ def frequency_response(
     run_s: Annotated[float, "least duration of a run, s; whole revolutions, whole periods", POSITIVE] = 30.0,
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
-    """Bandwidth and delay: sines of several frequencies, and the scale factor they refer to."""
+    """Bandwidth and delay: sines of several frequencies, and the scale factor as reference."""
     yield Soak(setpoint_c=at_c, hold_s=soak_s)
     yield from rates_between_zeros(levels(rate_dps, 5), at_least_s=run_s, zero_s=zero_s)
     for hz in frequencies_hz:

@@ -1,4 +1,4 @@
-"""What the output remembers of the rate before."""
+"""Hysteresis of the output in rate."""
 
 from collections.abc import Iterator
 from typing import Annotated
@@ -15,6 +15,6 @@ def hysteresis(
     run_s: Annotated[float, "least duration of a run, s; whole revolutions", POSITIVE] = 30.0,
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
-    """Hysteresis in rate, scale factor and linearity: up the rates and down again, in one direction and the other."""
+    """Hysteresis in rate, scale factor and linearity: rates up and down again, in one direction, then in the other."""
     yield Soak(setpoint_c=at_c, hold_s=soak_s)
     yield from rate_cycle(levels(top_rate_dps, rates), at_least_s=run_s, zero_s=zero_s)

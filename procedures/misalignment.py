@@ -1,4 +1,4 @@
-"""Where the input axis points."""
+"""Misalignment of the input axis."""
 
 from collections.abc import Iterator
 from typing import Annotated
@@ -15,7 +15,7 @@ def misalignment(
     run_s: Annotated[float, "least duration of a run, s; whole revolutions", POSITIVE] = 30.0,
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
-    """Misalignment: the scale factor, then rates with the unit mounted across the table's axis, by the operator."""
+    """Misalignment: the scale factor, then rates with the unit mounted across the table's axis by the operator."""
     yield Soak(setpoint_c=at_c, hold_s=soak_s)
     yield from rates_between_zeros(levels(rate_dps, 5), at_least_s=run_s, zero_s=zero_s)
     yield from across(levels(across_dps, 3), at_least_s=run_s, zero_s=zero_s)

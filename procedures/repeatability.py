@@ -1,4 +1,4 @@
-"""What a turn-on changes."""
+"""Repeatability from turn-on to turn-on."""
 
 from collections.abc import Iterator
 from typing import Annotated

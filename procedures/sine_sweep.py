@@ -16,7 +16,7 @@ def sine_sweep(
     run_s: Annotated[float, "least duration of a run, s; whole periods", POSITIVE] = 30.0,
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
-    """Scale factor in motion, delay and bandwidth: sines of one peak rate, several frequencies."""
+    """Dynamic scale factor, delay and bandwidth: sines of one peak rate at several frequencies."""
     yield Soak(setpoint_c=at_c, hold_s=soak_s)
     yield Static(duration_s=zero_s)
     for hz in frequencies_hz:

@@ -1,4 +1,4 @@
-"""The smallest rates that show."""
+"""The smallest detectable rates."""
 
 from collections.abc import Iterator
 from typing import Annotated
@@ -25,7 +25,7 @@ def small_rates(
     run_s: Annotated[float, "least duration of its runs, s; whole revolutions", POSITIVE] = 30.0,
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
-    """Threshold about rest, resolution about a rate, dead zone by a slow swing, and the scale factor they refer to."""
+    """Threshold at rest, resolution at a constant rate, dead zone by a slow sine, and the scale factor as reference."""
     yield Soak(setpoint_c=at_c, hold_s=soak_s)
     yield from rates_between_zeros(levels(rate_dps, 5), at_least_s=run_s, zero_s=zero_s)
     yield from small_steps(0.0, steps_dps, run_s=small_run_s)

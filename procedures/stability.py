@@ -1,4 +1,4 @@
-"""What the output does at rest."""
+"""Stability and noise of the output at rest."""
 
 from collections.abc import Iterator
 from typing import Annotated
@@ -15,7 +15,7 @@ def stability(
     run_s: Annotated[float, "least duration of its runs, s; whole revolutions", POSITIVE] = 30.0,
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
-    """Bias, its stability and the noise terms: a long rest, and the scale factor they refer to."""
+    """Bias, its stability and the noise terms: a long rest, and the scale factor as reference."""
     yield Soak(setpoint_c=at_c, hold_s=soak_s)
     yield from rates_between_zeros(levels(rate_dps, 5), at_least_s=run_s, zero_s=zero_s)
     yield Static(duration_s=rest_s)

@@ -1,4 +1,4 @@
-"""Scale factor and bias over temperature, from cold to hot and, if wanted, back again on a ramp."""
+"""Scale factor and bias over temperature, from cold to hot and, optionally, back on a ramp."""
 
 from collections.abc import Iterator
 from typing import Annotated
@@ -18,7 +18,7 @@ def temperature_sweep(
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
     return_c_per_min: Annotated[float, "ramp back to the coldest set point at rest, °C/min; 0: none", Range(0)] = 0.0,
 ) -> Iterator[Step]:
-    """Slope and bias at every set point; the ramp back shows what depends on the temperature's rate and direction."""
+    """Slope and bias at every set point; the ramp back shows effects of the temperature's rate and direction."""
     for setpoint_c in set_points(coldest_c, hottest_c, points):
         yield Soak(setpoint_c=setpoint_c, hold_s=soak_s)
         yield from rates_between_zeros(levels(rate_dps, rates), at_least_s=run_s, zero_s=zero_s)

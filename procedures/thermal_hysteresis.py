@@ -1,4 +1,4 @@
-"""What scale factor and bias remember of the temperature before."""
+"""Thermal hysteresis of scale factor and bias."""
 
 from collections.abc import Iterator
 from typing import Annotated
@@ -17,7 +17,7 @@ def thermal_hysteresis(
     run_s: Annotated[float, "least duration of a run, s; whole revolutions", POSITIVE] = 30.0,
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
-    """Hysteresis and sensitivity in temperature: every set point reached by heating, and again by cooling."""
+    """Hysteresis and sensitivity in temperature: every set point is reached by heating, then by cooling."""
     upward = set_points(coldest_c, hottest_c, points)
     for setpoint_c in (*upward, *upward[-2:0:-1]):
         yield Soak(setpoint_c=setpoint_c, hold_s=soak_s)

@@ -16,7 +16,7 @@ def thermal_ramps(
     run_s: Annotated[float, "least duration of its runs, s; whole revolutions", POSITIVE] = 30.0,
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
-    """Bias over the rate of temperature (Shupe): ramps at rest, up and down, and the scale factor they refer to."""
+    """Bias over the rate of temperature (Shupe): ramps at rest, up and down, and the scale factor as reference."""
     yield Soak(setpoint_c=from_c, hold_s=soak_s)
     yield from rates_between_zeros(levels(rate_dps, 5), at_least_s=run_s, zero_s=zero_s)
     yield ThermalRamp(from_c=from_c, to_c=to_c, ramp_c_per_min=ramp_c_per_min)

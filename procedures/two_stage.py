@@ -1,4 +1,4 @@
-"""The two-stage calibration of the paper, with runs kept aside that prove it."""
+"""The two-stage calibration of the paper, with held-out runs for verification."""
 
 from collections.abc import Iterator
 from typing import Annotated
@@ -35,7 +35,7 @@ def two_stage(
     run_s: Annotated[float, "least duration of a run, s; whole revolutions, whole periods", POSITIVE] = 30.0,
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
-    """k(ω) at room temperature, the slope at every set point, sine runs, and sine runs kept aside for verification."""
+    """k(ω) at room temperature, the slope at every set point, sine runs, and held-out sine runs for verification."""
 
     def sines(frequencies_hz: tuple[float, ...], role: Role) -> Iterator[Step]:
         for hz in frequencies_hz:

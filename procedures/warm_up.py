@@ -16,7 +16,7 @@ def warm_up(
     run_s: Annotated[float, "least duration of its runs, s; whole revolutions", POSITIVE] = 30.0,
     zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
-    """Warm-up: rest from the moment the supply comes on, and afterwards the scale factor."""
+    """Warm-up: rest from the moment the supply is switched on, then the scale factor."""
     yield Soak(setpoint_c=at_c, hold_s=soak_s)
     yield PowerCycle(off_s=off_s)
     yield Static(duration_s=warm_s, settle_s=0.0)

@@ -1,8 +1,8 @@
 """`benchctl export --to c-header`: the compensation as one C99 header for the firmware that reads the gyro.
 
-It needs `<math.h>` alone, compiles as C++ too, and depends on the coefficients' bytes only: the same file gives the
-same header. Its template is `c_header.h.j2`; the operations are those of `AppliedLaw.rate_dps`, in its order, and
-`gyro_self_test` checks on the target that the same rates come out.
+It needs only `<math.h>`, compiles as C++ too, and depends only on the bytes of the coefficients: the same file gives
+the same header. Its template is `c_header.h.j2`. The operations are those of `AppliedLaw.rate_dps`, in the same order,
+and `gyro_self_test` checks on the target that the rates agree.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.structure_places import LEAST_TURNING_DPS
 
 _LONGEST = 200
-"""Longest text in characters; C99 compilers need not accept a string of more than 4095 bytes."""
+"""Maximum length of a text in characters; a C99 compiler need not accept a string of more than 4095 bytes."""
 
 
 def in_comment(text: str) -> str:
@@ -39,19 +39,19 @@ def in_comment(text: str) -> str:
 
 
 def string(text: str) -> str:
-    """A string literal with the text's UTF-8 bytes, all but plain ones as three octal digits."""
+    """Return a string literal of the text's UTF-8 bytes; special ones are written as three octal digits."""
     written = (_character(byte) for byte in cut(text, _LONGEST).encode("utf-8"))
     return f'"{"".join(written)}"'
 
 
 def number(value: float) -> str:
-    """A constant of type double that gives the same double back; in brackets, since it may have a sign."""
+    """Return a constant of type double that is read back as the same double; in parentheses, because of its sign."""
     text = f"{value:.17g}"
     return f"({text if any(mark in text for mark in '.en') else f'{text}.0'})"
 
 
 def polynomial(names: Sequence[str], argument: str) -> str:
-    """c1·z + c2·z² + … by Horner's rule, from the names of its coefficients; `0.0` where there are none."""
+    """Return c1·z + c2·z² + … by Horner's rule, from the names of its coefficients; `0.0` if there are none."""
     if not names:
         return "0.0"
     *lower, text = names
@@ -68,7 +68,7 @@ def _character(byte: int) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Constant:
-    """A macro: its value, what it is, and its expanded uncertainty where that is known."""
+    """A macro: its value, its description, and its expanded uncertainty if known."""
 
     name: str
     value: float
@@ -85,7 +85,7 @@ class StageNames:
 
 
 def stage_names(law: AppliedLaw, index: int) -> StageNames:
-    """How the coefficients of a stage are called; with its number where there are several."""
+    """Return the names of a stage's coefficients; they include its number if there are several stages."""
     stage = law.stages[index]
     prefix = f"GYRO_STAGE{index + 1}_K" if len(law.stages) > 1 else "GYRO_K"
     return StageNames(
@@ -95,7 +95,7 @@ def stage_names(law: AppliedLaw, index: int) -> StageNames:
 
 
 def constants(compensation: Compensation) -> Iterator[Constant]:
-    """Every number that the functions of the header use, and those that its user should know."""
+    """Yield every number that the functions of the header use, and those that its user needs."""
     law, expanded = compensation.law, compensation.expanded
     k0, u0, s = "K0_v_per_dps", "U0_v", "S_rad_per_dps"
     yield Constant(
@@ -166,12 +166,12 @@ _FORMULAS = {
 
 
 def c_header(compensation: Compensation) -> str:
-    """The text of the header.
+    """Return the text of the header.
 
     Raises
     ------
     UsageError
-        The output is not in volts, or the law has no output for a rate in `valid`.
+        If the output is not in volts, or the law has no output for a rate in `valid`.
     """
     if compensation.output_unit != "V":
         raise UsageError(
@@ -219,7 +219,7 @@ def c_header(compensation: Compensation) -> str:
 
 
 def export_c_header(compensation: Compensation, path: Path) -> None:
-    """Write the header atomically; `UsageError` where the law or the disk refuses."""
+    """Write the header atomically; raise `UsageError` if the law is not suitable or the disk cannot be written."""
     text = c_header(compensation)
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="ascii", newline="\n")

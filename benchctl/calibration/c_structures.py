@@ -1,4 +1,4 @@
-"""Structures without a name in C: their numbers as macros, their functions as expressions of `x`."""
+"""Structures without a name in C: their parameters as macros, their functions as expressions of `x`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # which loads interpolate when it is first used
+import scipy  # loads interpolate on first use
 
 from benchctl.calibration.discovered import Discovered
 from benchctl_instruments.errors import UsageError
@@ -49,9 +49,9 @@ _COORDINATES = {
 class CStructure:
     """A structure in C.
 
-    `constants` are name, value and unit of its macros; `pieces` those of a cubic spline: where each begins, and its
-    coefficients from the third power down. `expression` is its function of `x`, which is `coordinate`; it is in
-    proportion to `times`, where that is not empty.
+    `constants` are name, value and unit of its macros; `pieces` are those of a cubic spline: the start of each, and its
+    coefficients from the third power down. `expression` is its function of `x`, which is `coordinate`; it is multiplied
+    by `times` unless that is empty.
     """
 
     says: str
@@ -65,12 +65,12 @@ class CStructure:
 
     @property
     def text(self) -> str:
-        """All that is computed of it, which says what functions it needs."""
+        """All expressions of the structure, from which the required functions are determined."""
         return f"{self.coordinate} {self.times} {self.expression}"
 
 
 def c_structures(discovered: Discovered) -> list[CStructure]:
-    """The structures that are taken off the output; `UsageError` where one has a shape that is not written in C."""
+    """Return the structures to be subtracted from the output; raise `UsageError` for a shape without a C version."""
     return [_in_c(number, name, one) for number, (name, one) in enumerate(discovered.structures.items(), start=1)]
 
 

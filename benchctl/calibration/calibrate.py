@@ -51,9 +51,9 @@ def calibrate(
 ) -> CalibrationResult:
     """Calibrate a recording; its steps are read once and only block means are kept.
 
-    Raises `UsageError` where nothing can be fitted: no usable step, no motion, no two rates.
+    Raises `UsageError` if nothing can be fitted: no usable step, no motion, or no two rates.
     """
-    # On small matrices the threads of BLAS wait for one another: 28 s instead of 0.8 s on a busy machine.
+    # With small matrices the threads of BLAS wait for each other: 28 s instead of 0.8 s on a busy machine.
     with threadpool_limits(limits=1, user_api="blas"):
         return _calibrate(steps, meta, options or CalibrationOptions())
 
@@ -86,7 +86,7 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
     joint, fit_notes = fit_laws(fitted, first.line, T0_c, earth, bench, options, stated_of(meta), thermal)
     coils = reduced
     if (lag_s := next((p.value for p in joint[0].parameters if p.name == THERMAL_LAG), None)) is not None:
-        # The stages are fitted to the coil's temperatures; the errors are those that the thermistor's lead to.
+        # The stages are fitted to the coil's temperatures; the errors are those with the thermistor's temperatures.
         coils = thermal.coils(reduced, lag_s)
         points, first = _stage_one(coils, verify, T0_c, earth, options)
     moving = [step for step in coils if step.kind == "motion" and step.key not in verify]
@@ -169,7 +169,7 @@ def _stage_one(
     earth: float,
     options: CalibrationOptions,
 ) -> tuple[MeanPoints, StageOne]:
-    """The mean points and stage 1; a line through the runs in motion where there are no constant rates."""
+    """Return the mean points and stage 1; a line through the runs in motion if there are no constant rates."""
     points = mean_points(steps, verify)
     moving = [step for step in steps if step.kind == "motion" and step.key not in verify]
     still = [step for step in steps if step.kind != "motion" and step.key not in verify]
@@ -179,7 +179,7 @@ def _stage_one(
 
 
 def _in_unit(fit: JointFit, output_unit: str) -> JointFit:
-    """Return the fit with its units in that of the output: a digital gyro gives rates, not volts."""
+    """Return the fit with units of the output: a digital gyro outputs rates, not volts."""
     if output_unit == "V":
         return fit
     unit = f"({output_unit})".replace("deg", "°")
@@ -196,7 +196,7 @@ def _looked_at(
     polls: list[tuple[FloatArray, FloatArray]],
     warnings: list[str],
 ) -> Iterator[Step | StoredStep]:
-    """The steps as they come; on the way free motion is fitted in angle, and polls of the thermistor are kept."""
+    """Yield the steps unchanged; on the way fit free motion in angle, and collect polls of the thermistor."""
     digital = meta.output_unit != "V"
     believed = 1.0 if digital else (meta.simulation or {}).get("K0_v_per_dps")
     for step in steps:
@@ -213,7 +213,7 @@ def _looked_at(
 
 
 def _demand_motion(steps: Sequence[ReducedStep]) -> None:
-    """Raise where nothing can be fitted at all."""
+    """Raise `UsageError` if nothing can be fitted at all."""
     if not steps:
         raise UsageError(
             "calibration: the recording has no step that can be used for a fit (role fit; static, constant_rate or "
@@ -228,7 +228,7 @@ def _demand_motion(steps: Sequence[ReducedStep]) -> None:
 
 
 def _demand_response(line: StraightLine, steps: Sequence[ReducedStep]) -> None:
-    """Raise where the output is the same at every rate, as of a gyro without power."""
+    """Raise `UsageError` if the output is the same at every rate, as for a gyro without power."""
     swing = abs(line.K0_v_per_dps) * max(step.peak_rate_dps for step in steps)
     if swing <= _CONSTANT * (swing + abs(line.U0_v)):
         raise UsageError(
@@ -240,7 +240,7 @@ def _demand_response(line: StraightLine, steps: Sequence[ReducedStep]) -> None:
 def _kept_aside(
     steps: Sequence[ReducedStep], options: CalibrationOptions, warnings: list[str], notes: list[str]
 ) -> frozenset[tuple[int, int]]:
-    """Indices of the runs that no fit may see: those marked so, or else every fourth of the fast sines."""
+    """Return the keys of the held-out runs: those marked so, or else every fourth of the fast sines."""
     marked = frozenset(step.key for step in steps if step.info.role == "verify")
     turning = sum(step.key in marked and step.kind != "static" for step in steps)
     if turning:
@@ -265,7 +265,7 @@ def _kept_aside(
 
 
 def _reference_temperature(steps: Sequence[ReducedStep], meta: Meta, options: CalibrationOptions) -> float:
-    """T0: as given, as the lab has it, or the set point of the fastest constant rates, nearest to room temperature."""
+    """Return T0: as given, that of the lab, or the set point of the fastest constant rates, nearest to 20 °C."""
     stated = (meta.simulation or {}).get("T0_c")
     if options.T0_c is not None:
         return options.T0_c
@@ -280,13 +280,13 @@ def _reference_temperature(steps: Sequence[ReducedStep], meta: Meta, options: Ca
 
 
 def _from_room_c(step: ReducedStep) -> float:
-    """How far a step was from room temperature, rounded to °C; 0 where neither set point nor thermistor is known."""
+    """Return the distance of a step from room temperature, rounded to °C; 0 if set point and thermistor are unknown."""
     known = [c for c in (step.info.chamber_setpoint_c, step.mean_temperature_c) if np.isfinite(c)]
     return float(round(abs(known[0] - _ROOM_C))) if known else 0.0
 
 
 def _first_stage(first: StageOne) -> Stage:
-    """Stage 1 in the words of the result."""
+    """Convert stage 1 to a record of the result."""
     return Stage(
         name="stage 1",
         k_t=first.k_t,
@@ -304,13 +304,13 @@ def _first_stage(first: StageOne) -> Stage:
 
 
 def _joint_level(fit: JointFit) -> Level:
-    """The level of compensation that a joint fit is."""
+    """Return the level of compensation of a joint fit."""
     delay = next((parameter.value for parameter in fit.parameters if parameter.name == "delay_s"), 0.0)
     return Level(compensate=by_law(*law_of(fit)), delay_s=delay)
 
 
 def _with_errors(stages: Sequence[Stage], errors: dict[str, float], rms: dict[str, float]) -> tuple[Stage, ...]:
-    """The stages with the errors before and after each."""
+    """Return the stages with the errors before and after each."""
     names = ("raw", "stage_1", "stage_2")
     return tuple(
         replace(
@@ -323,7 +323,7 @@ def _with_errors(stages: Sequence[Stage], errors: dict[str, float], rms: dict[st
 
 
 def _smoother(steps: Sequence[ReducedStep], meta: Meta) -> SmootherFacts | None:
-    """How the rate of the runs in motion was made."""
+    """Describe how the rate of the runs in motion was computed."""
     smoothers = [step.smoother for step in steps if step.kind == "motion"] or [step.smoother for step in steps]
     widest = max(smoothers, key=lambda smoother: smoother.window_s)
     worst = max(smoothers, key=lambda smoother: smoother.gain_error)
@@ -342,7 +342,7 @@ def _smoother(steps: Sequence[ReducedStep], meta: Meta) -> SmootherFacts | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Level:
-    """A level of compensation: how it turns volts into a rate, and its delay, s."""
+    """A level of compensation: its conversion of volts to a rate, and its delay, s."""
 
     compensate: Compensator
     delay_s: float
@@ -367,9 +367,9 @@ def measure(
     T0_c: float,
     earth_rate_dps: float,
 ) -> tuple[Residuals, tuple[RunErrors, ...]]:
-    """Residuals of every block and errors of every run, at every level; `verify` has the keys of the held-out steps.
+    """Return residuals of every block and errors of every run, at every level; `verify` are the held-out steps' keys.
 
-    Runs at rest have no rate to compare with and are left out.
+    Runs at rest have no rate for comparison and are left out.
     """
     rows = gather(steps, T0_c)
     residual = {
@@ -412,7 +412,7 @@ def measure(
 
 
 def largest(runs: Sequence[RunErrors]) -> tuple[dict[str, float], dict[str, float]]:
-    """`error_percent` and `rms_percent` per level: the largest over the held-out runs, empty where there are none."""
+    """Return `error_percent` and `rms_percent` per level: the largest over the held-out runs, empty without any."""
     aside = [run for run in runs if run.role == "verify"]
     if not aside:
         return {}, {}

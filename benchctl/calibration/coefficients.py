@@ -1,23 +1,23 @@
-"""`coefficients.json`: writing it to the letter of its specification, reading it back, and compensating with it.
+"""`coefficients.json`: write it according to its specification, read it back, and compensate with it.
 
-| key | what |
+| key | content |
 |---|---|
 | `schema` | `benchctl-coefficients/1` |
-| `convention`, `argument` | of the stages: `correction` of the `indicated` rate (a foreign file may say otherwise) |
+| `convention`, `argument` | of the stages: `correction` of the `indicated` rate (a foreign file may state another) |
 | `K0_v_per_dps`, `U0_v`, `T0_c` | those of the last stage |
 | `stages` | list: `k_T`, `k_omega` (`coefficients`, `covariance`), `K0_v_per_dps`, `U0_v`, `U0_T`, `delay_s`, … |
 | `valid` | ranges `rate_dps` and `temperature_c` that were measured |
-| `uncertainty` | at the level of k = 2, 95.45 %: by parameter of the joint fit `expanded`, the factor `k` that its |
-|               | degrees of freedom `dof` (null: infinite) demand, and its budget by contributor |
+| `uncertainty` | at the level of k = 2, 95.45 %: by parameter of the joint fit `expanded`, the factor `k` for its |
+|               | degrees of freedom `dof` (null: infinite), and its budget by contributor |
 | `source` | digests of the recordings |
 | `error_percent`, `rms_percent` | per level, on runs that were not fitted |
 | `joint` | the joint fit: law, convention, argument, parameters, covariance |
 
 k_T is 1 + Σ c_i·(T − T0)^i, k_omega 1 + Σ c_i·x^(2i), x the input of its stage.
 
-A table of static points has one temperature, so one response stage by the sine law.
+A table of static points has one temperature, and therefore one response stage by the sine law.
 
-The law that a file states is read with every number validated.
+Every number of the law in a file is validated.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from benchctl.atomic import whole_file
 from benchctl.calibration.discovered import discovered_in
 from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl.calibration.model import AppliedLaw, Factors
-from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, PolynomialFactor, Stage
+from benchctl.calibration.result import CalibrationResult, FittedParameter, JointFit, PolynomialFactor, Stage
 from benchctl.calibration.static_points_fit import PointsFit, StaticPointsResult
 from benchctl.calibration.uncertainty import LEVEL, coverage_factor
 from benchctl.documents import read_json
@@ -105,7 +105,7 @@ class _Discovered(_Part):
 
 
 class Coefficients(_Part):
-    """What compensation needs of the file's content; everything else in it is free."""
+    """The content of the file that compensation needs; other keys are not checked."""
 
     unit: str | None = None
     output_unit: str = "V"
@@ -124,7 +124,7 @@ class Coefficients(_Part):
 
 
 def checked(content: Mapping[str, Any], where: str) -> Coefficients:
-    """The content with the types it should have; `where` begins the `UsageError` where it has others."""
+    """Validate the types of the content; raise a `UsageError` that begins with `where` if they are wrong."""
     try:
         return Coefficients.model_validate(content)
     except ValidationError as err:
@@ -132,7 +132,7 @@ def checked(content: Mapping[str, Any], where: str) -> Coefficients:
 
 
 def applied_law(found: Coefficients, by: By) -> AppliedLaw:
-    """The law of the joint fit, or that of the stages; `UsageError` where there is none or it can give no rate."""
+    """Return the law of the joint fit or of the stages; raise `UsageError` if it is missing or can give no rate."""
     law = _of_stages(found) if by == "stages" else _of_joint(found)
     if law.K0_v_per_dps == 0.0 or (law.name == "sine" and law.S_rad_per_dps == 0.0):
         raise UsageError(
@@ -140,12 +140,12 @@ def applied_law(found: Coefficients, by: By) -> AppliedLaw:
         )
     if found.T0_c is None and law.knows_temperature:
         raise UsageError("T0_c is null, though the law depends on the temperature; write it with `benchctl fit`")
-    beside = found.discovered
-    return law if beside is None else replace(law, discovered=discovered_in(beside.U0_v, beside.structures))
+    extra = found.discovered
+    return law if extra is None else replace(law, discovered=discovered_in(extra.U0_v, extra.structures))
 
 
 def is_of_law(name: str, law: AppliedLaw) -> bool:
-    """Whether a parameter of the file is one of the law's own: no encoder's error, and S of a sine alone."""
+    """Return whether a parameter of the file belongs to the law: not an encoder error, and S only for a sine."""
     own = ("K0_v_per_dps", "U0_v", "delay_s", *(("S_rad_per_dps",) if law.name == "sine" else ()))
     return name in own or _TERM.fullmatch(name) is not None
 
@@ -172,7 +172,7 @@ def _of_joint(found: Coefficients) -> AppliedLaw:
 
 
 def _of_stages(found: Coefficients) -> AppliedLaw:
-    """K0, U0 and the bias are those of the last stage."""
+    """Return the law of the stages; K0, U0 and the bias are those of the last one."""
     response = found.convention == "response"
     if response and len(found.stages) != 1:
         raise UsageError(
@@ -196,7 +196,7 @@ def _of_stages(found: Coefficients) -> AppliedLaw:
 
 
 def _terms(values: Mapping[str, float], letter: str, power: int) -> tuple[float, ...]:
-    """The coefficients of a polynomial in the power `power`: `a1`, `a2`, … by 1, `b2`, `b4`, … by 2."""
+    """Return the coefficients of a polynomial in the power `power`: `a1`, `a2`, … for 1, `b2`, `b4`, … for 2."""
     found = {int(term[2]): values[name] for name in values if (term := _TERM.fullmatch(name)) and term[1] == letter}
     if any(order == 0 or order % power or order // power > _MOST_TERMS for order in found):
         raise UsageError(
@@ -212,7 +212,7 @@ _KEYS = ("convention", "argument", "K0_v_per_dps", "U0_v", "T0_c", "stages")
 
 
 def coefficients(result: CalibrationResult, source: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    """The content of `coefficients.json`; `source` is the name and the digest of each recording."""
+    """Return the content of `coefficients.json`; `source` is the name and the digest of each recording."""
     last, best = result.stages[-1], result.best
     content: dict[str, Any] = {
         "schema": SCHEMA,
@@ -249,7 +249,7 @@ def coefficients(result: CalibrationResult, source: Sequence[tuple[str, str]]) -
 
 
 def write_coefficients(path: Path, content: Mapping[str, Any]) -> None:
-    """Write the file atomically; `UsageError` where the disk refuses."""
+    """Write the file atomically; raise `UsageError` if the disk cannot be written."""
     with whole_file(path) as temporary:
         temporary.write_text(
             json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False) + "\n", encoding="utf-8"
@@ -257,12 +257,12 @@ def write_coefficients(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def read_coefficients(path: Path) -> dict[str, Any]:
-    """Read and check a file of coefficients; `UsageError` in one line where it cannot be used."""
+    """Read and check a file of coefficients; raise `UsageError` in one line if it cannot be used."""
     return coefficients_in(read_json(path, "coefficients"), path)
 
 
 def coefficients_in(content: Any, path: Path) -> dict[str, Any]:
-    """The content of a file of coefficients, `path` its name in the `UsageError` where it cannot be used."""
+    """Check and return the content of a file of coefficients; `path` is its name in a `UsageError`."""
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
         raise UsageError(f"{path}: expected schema {SCHEMA!r}, found {found!r}; write it with `benchctl fit`")
@@ -293,10 +293,10 @@ def compensate(
     by: By = "stages",
     earth_rate: Literal["keep", "remove"] = "keep",
 ) -> FloatArray:
-    """Sensed rate [°/s] of outputs [V] at gyro temperatures [°C], arrays of one shape (n,).
+    """Return the sensed rate [°/s] for outputs [V] at gyro temperatures [°C], arrays of one shape (n,).
 
-    By the stages, or by the joint fit where the content holds one. No delay is applied: the rate is at the output's
-    stamp less `delay_s`. NaN where the law has no rate for an output. `earth_rate="remove"` gives the table's rate.
+    By the stages, or by the joint fit if the content has one. No delay is applied: the rate applies to the output's
+    time stamp minus `delay_s`. NaN if the law has no rate for an output. `earth_rate="remove"` gives the table's rate.
     """
     law = applied_law(checked(content, "these coefficients"), by)
     rate = law.rate_dps(np.asarray(u_v, dtype=np.float64), np.asarray(temp_c, dtype=np.float64))
@@ -357,7 +357,7 @@ def _free_motion(fit: FreeMotionFit) -> dict[str, Any]:
     }
 
 
-def _uncertainty(parameter: Parameter) -> dict[str, Any]:
+def _uncertainty(parameter: FittedParameter) -> dict[str, Any]:
     return {
         "value": parameter.value,
         "unit": parameter.unit,
@@ -373,7 +373,7 @@ def _uncertainty(parameter: Parameter) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
-    """JSON has no NaN: what is not known is null."""
+    """Replace NaN and infinities, which JSON does not have, by null."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):
@@ -386,10 +386,10 @@ def _finite(value: Any) -> Any:
 def points_coefficients(
     result: StaticPointsResult, *, unit: str, temperature_c: float | None, source: Sequence[tuple[str, str]]
 ) -> dict[str, Any]:
-    """The content of `coefficients.json`: U = U0 + K0·k(ω)·ω, with k(ω) the series of sin(Sω)/(Sω) to ω⁴.
+    """Return the content of `coefficients.json`: U = U0 + K0·k(ω)·ω, k(ω) the series of sin(Sω)/(Sω) to ω⁴.
 
-    The convention is `response`, its argument the true rate. No run was kept aside, so there is no `error_percent`.
-    `temperature_c` is None where it is not recorded.
+    The convention is `response`, its argument the true rate. No run is held out, so there is no `error_percent`.
+    `temperature_c` is None if it was not recorded.
     """
     fit = result.rotating
     S = fit.S_rad_per_dps

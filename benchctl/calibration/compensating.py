@@ -1,29 +1,29 @@
 """A `coefficients.json` ready for use: its law, its valid range, its unit; applied to files and exported.
 
-`benchctl apply` copies a recording with the compensated rate added. `benchctl export --to json` writes the compensation
+`benchctl apply` copies a recording and adds the compensated rate. `benchctl export --to json` writes the compensation
 for programs that read JSON, without the details of the fit:
 
-| key | what |
+| key | content |
 |---|---|
 | `schema` | `benchctl-compensation/1` |
-| `law`, `formula` | `sine`, `polynomial` or `response`, and how a rate comes of it, in words |
-| `K0_v_per_dps`, `U0_v`, `T0_c` | scale factor, output at rest, reference of ΔT (null: no temperature plays a part) |
+| `law`, `formula` | `sine`, `polynomial` or `response`, and the formula of the rate, in words |
+| `K0_v_per_dps`, `U0_v`, `T0_c` | scale factor, output at rest, reference of ΔT (null: temperature has no influence) |
 | `U0_T` | coefficients of ΔT, ΔT², … of the bias, V/°C^i |
 | `S_rad_per_dps` | of the sine, else null |
 | `stages` | list: `k_T` (of ΔT, ΔT², …) and `k_omega` (of ω², ω⁴, …), as the formula uses them |
-| `discovered` | what is taken off U first, where a diagnosis found it: see below |
-| `delay_s` | a rate belongs to its output's time less this |
-| `earth_rate_dps` | the part of the sensed rate that is the Earth's, where the calibration's latitude was known |
-| `valid` | ranges `rate_dps` and `temperature_c` that were measured; null: not written down |
+| `discovered` | what is subtracted from U first, if a diagnosis found it: see below |
+| `delay_s` | a rate applies to its output's time minus this |
+| `earth_rate_dps` | the Earth's part of the sensed rate, if the calibration's latitude was known |
+| `valid` | ranges `rate_dps` and `temperature_c` that were measured; null: not recorded |
 | `uncertainty` | `k`; `expanded` by parameter: `c1` of `U0_T[0]`, `g1` or `a1` of `k_T[0]`, `b2` of `k_omega[0]` |
 | `error_percent` | largest residual over largest rate, on runs that were not fitted, or null |
-| `unit`, `output_unit` | serial; the output's unit where it is not V, as the names say, but a rate |
+| `unit`, `output_unit` | serial; the output's unit if it is a rate and not V, as the names suggest |
 | `source`, `coefficients_sha256` | digests of the recordings that were fitted, and of the file |
-| `self_test` | `columns`, `points` and `tolerance_dps`: a program that misses a point by more is wrong |
+| `self_test` | `columns`, `points` and `tolerance_dps`: a program with a larger error at a point is wrong |
 
-`discovered` is there where structures without a name are compensated, too: `U0_v`, and a list `structures` with `name`,
+`discovered` is present if structures without a name are compensated, too: `U0_v`, and a list `structures` with `name`,
 `acts_on` (`scale` or `bias`), `over` and `times` (coordinates), `formula` and `parameters`. The law's `formula` is then
-applied to the corrected output, U0_v + (U − Σ f_bias − U0_v)/Π(1 + f_scale); each f is taken at the resulting rate.
+applied to the corrected output, U0_v + (U − Σ f_bias − U0_v)/Π(1 + f_scale); each f is evaluated at the resulting rate.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from benchctl_instruments.physics.structure_shapes import SHAPES
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compensation:
-    """What compensates the output of one unit.
+    """The compensation for the output of one unit.
 
     Attributes
     ----------
@@ -64,15 +64,15 @@ class Compensation:
     valid
         The measured range; a temperature that is not recorded has no bounds, −inf to inf.
     unit, output_unit
-        The unit's serial, empty where the file names none, and the unit of its output.
+        The unit's serial, empty if the file names none, and the unit of its output.
     sha256
-        Of the file's bytes.
+        Digest of the file's bytes.
     sources
         Name and digest of every recording that was fitted.
     k, expanded
-        Coverage factor and expanded uncertainty of the law's own parameters, by their names in the file.
+        Coverage factor and expanded uncertainty of the law's parameters, by their names in the file.
     error_percent
-        Largest residual over the largest rate of a run, on runs that were not fitted; None where there were none.
+        Largest residual over the largest rate of a run, on runs that were not fitted; None if there were none.
     earth_rate_dps
         The vertical part of the Earth's rate that the sensed rate contains in addition to the table's.
     """
@@ -90,7 +90,7 @@ class Compensation:
     earth_rate_dps: float
 
     def inside(self, rate_dps: FloatArray, celsius: FloatArray) -> BoolArray:
-        """Whether rate and temperature, arrays of one shape, lie where the coefficients were measured."""
+        """Return whether rate and temperature, arrays of one shape, are within the measured range."""
         (slowest, fastest), (coldest, warmest) = self.valid.rate_dps, self.valid.temperature_c
         within = (rate_dps >= slowest) & (rate_dps <= fastest) & (celsius >= coldest) & (celsius <= warmest)
         return np.asarray(within)
@@ -102,7 +102,7 @@ def read_compensation(path: Path, by: By | None = None) -> Compensation:
     Raises
     ------
     UsageError
-        The file cannot be read or used, has no such law, or does not say where it is valid.
+        If the file cannot be read or used, has no such law, or does not state its valid range.
     """
     text = read_whole(path, MOST_DESCRIPTION_BYTES, "coefficients ")
     found = checked(coefficients_in(json_document(text, f"coefficients {path}"), path), str(path))
@@ -176,16 +176,16 @@ def tolerance_dps(compensation: Compensation) -> float:
 
 
 def self_test_points(compensation: Compensation) -> list[SelfTestPoint]:
-    """A grid over the valid range with its corners, 35 points; at one temperature 25; 225 beside structures.
+    """Return a grid over the valid range, corners included: 35 points, 25 at one temperature, 225 with structures.
 
-    Raises `UsageError` where the law has no output for a rate in it: then it was not measured there.
+    Raises `UsageError` if the law has no output for a rate in the range: then it was not measured there.
     """
     law, valid = compensation.law, compensation.valid
     coldest, warmest = valid.temperature_c
     if not (math.isfinite(coldest) and math.isfinite(warmest)):
         coldest = warmest = law.T0_c or _ROOM_C
     several = warmest > coldest
-    fine = bool(law.discovered)  # what happens at one place must show
+    fine = bool(law.discovered)  # local structures must be visible
     temperatures = np.linspace(coldest, warmest, (_FINE if fine else _TEMPERATURES) if several else 1)
     rates = np.linspace(*valid.rate_dps, _FINE if fine else _RATES if several else _RATES_ALONE)
     rate_dps, celsius = (grid.ravel() for grid in np.meshgrid(rates, temperatures))
@@ -206,10 +206,10 @@ _NEEDED = ("gyro_v", "gyro_temp_c")
 
 @dataclass(slots=True)
 class Applied:
-    """What became of a recording's samples.
+    """The result of the compensation of a recording.
 
-    `samples` got a rate or NaN, of which `outside` have a rate or a temperature that the coefficients were not measured
-    at, by `most_dps` and `most_c` at most; `without` lists the steps that have an output and no temperature.
+    `samples` have a rate or NaN, of which `outside` have a rate or a temperature outside the measured range, by at most
+    `most_dps` and `most_c`; `without` lists the steps that have an output but no temperature.
     """
 
     samples: int = 0
@@ -222,7 +222,7 @@ class Applied:
 def write_compensated(
     path: Path, recording: Recording, compensation: Compensation, *, digest: str, coefficients: str
 ) -> Applied:
-    """Write the recording anew with `compensated_dps` and `compensated_valid` in each step that can have them.
+    """Write a copy of the recording with `compensated_dps` and `compensated_valid` in each step that can have them.
 
     One step is in memory at a time. The provenance names the recording by its `digest`, and the file of coefficients
     by its name and SHA-256. No sample is moved in time: `comment` of the channel states its delay.
@@ -230,8 +230,8 @@ def write_compensated(
     Raises
     ------
     UsageError
-        The coefficients are of another unit or output, the recording is compensated already, no step has an output and
-        a temperature, or the disk refuses. Nothing is left behind.
+        If the coefficients are of another unit or output, the recording is already compensated, no step has an output
+        and a temperature, or the disk cannot be written. No partial file remains.
     """
     _refuse_another(recording, compensation)
     channels = {info.index: recording.channels(info.index) for info in recording.infos}
@@ -323,11 +323,11 @@ FORMULAS = {
     "response": f"{_INDICATED}; {_FACTORS}; {_BENT}; rate is the solution nearest to 0 of rate * k_omega(rate) = "
     "x / k_T",
 }
-"""Law -> how a rate comes of an output U at a temperature T [degC]."""
+"""Law -> the formula of the rate for an output U at a temperature T [degC]."""
 
 
 def compensation_json(compensation: Compensation) -> dict[str, Any]:
-    """The content; `UsageError` where the law has no output for a rate in `valid`."""
+    """Return the content; raise `UsageError` if the law has no output for a rate in `valid`."""
     law = compensation.law
     points = self_test_points(compensation)
     return {
@@ -378,7 +378,7 @@ def _written(discovered: Discovered) -> dict[str, Any]:
 
 
 def export_json(compensation: Compensation, path: Path) -> None:
-    """Write the file atomically; `UsageError` where the law or the disk refuses."""
+    """Write the file atomically; raise `UsageError` if the law is not suitable or the disk cannot be written."""
     text = json.dumps(compensation_json(compensation), indent=1, ensure_ascii=False, allow_nan=False)
     with whole_file(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8", newline="\n")

@@ -1,9 +1,9 @@
-"""What a diagnosis found and could not name, taken off the output where a law is fitted or applied.
+"""Structures that a diagnosis found but could not name, subtracted from the output before a law is fitted or applied.
 
     V = U0 + (U − f_b − U0)/(1 + f_s)
 
-is the output that the law knows. f_s, of structures of the scale factor, and f_b [V], of those of the bias, are
-functions of what is known of a gyro in use: its temperature, its output, and the rate, which comes of the law itself.
+is the output of the law. f_s, of structures of the scale factor, and f_b [V], of those of the bias, are functions of
+quantities that are known for a gyro in use: its temperature, its output, and the rate, which results from the law.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from benchctl_instruments.physics.structure_places import direction
 from benchctl_instruments.physics.structures import Structure, structure_named
 
 TURNS, PLAIN_TURNS, FEWEST_TURNS = 200, 20, 2
-"""The rate is looked for in so many turns at most, of which so many are whole ones, and so few at least."""
+"""Maximum number of iterations for the rate, the number of undamped ones among them, and the minimum number."""
 CONVERGED = 1e-12
-"""The last turn, relative to a rate of 1 °/s and more."""
+"""Largest change in the last iteration, relative to a rate of at least 1 °/s."""
 MEASURED = ("gyro_temp", "rate", "abs_rate", "rate_sign", "output")
-"""Coordinates that are known where a gyro is used."""
+"""Coordinates that are known while a gyro is in use."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Discovered:
-    """Structures of a scale factor and of a bias by name; `U0_v` is the output from which a scale factor counts.
+    """Structures of the scale factor and of the bias by name; `U0_v` is the output at zero rate.
 
-    `left` are the names of those that a model has beside them and that cannot be taken off.
+    `left` are the names of the model's further structures, which cannot be subtracted.
     """
 
     U0_v: float = 0.0
@@ -43,7 +43,7 @@ class Discovered:
     left: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether there is anything to take off."""
+        """Whether there is anything to subtract."""
         return bool(self.structures)
 
     @property
@@ -52,13 +52,13 @@ class Discovered:
         return any("gyro_temp" in (one.over, one.times) for one in self.structures.values())
 
     def volts(self, law_v: FloatArray, rate_dps: FloatArray, celsius: FloatArray) -> FloatArray:
-        """The output [V] where the law puts out `law_v` at sensed rates and temperatures; arrays of one shape (n,)."""
+        """Return the output [V] for the law's output `law_v` at sensed rates and temperatures; arrays of shape (n,)."""
         scale, _ = self._changes(rate_dps, celsius, law_v)
         scaled = self.U0_v + (law_v - self.U0_v) * scale
         return scaled + self._changes(rate_dps, celsius, scaled)[1]
 
     def taken_off(self, volts: FloatArray, rate_dps: FloatArray, celsius: FloatArray) -> FloatArray:
-        """The output that the law knows, where the rates are known; arrays of one shape (n,)."""
+        """Return the law's output for known rates; arrays of one shape (n,)."""
         before = law_v = volts
         for _ in range(PLAIN_TURNS if any(one.over == "output" for one in self.structures.values()) else 1):
             before, law_v = self._taken_off(volts, rate_dps, celsius, before)
@@ -67,10 +67,10 @@ class Discovered:
     def rate_dps(
         self, volts: FloatArray, celsius: FloatArray, law: Callable[[FloatArray, FloatArray], FloatArray]
     ) -> FloatArray:
-        """Sensed rates [°/s] of outputs [V] at temperatures [°C], all of shape (n,), by a `law` of corrected outputs.
+        """Return sensed rates [°/s] of outputs [V] at temperatures [°C], all (n,), by a `law` of corrected outputs.
 
-        What depends on the rate is taken off at the rate of the turn before, at first at rest. Where an output belongs
-        to two rates, or to none, as it may within a step over the rate, it is one nearby.
+        A dependence on the rate is evaluated at the rate of the previous iteration, at first at rest. If an output
+        belongs to two rates, or to none, as is possible within a step over the rate, the result is one nearby.
         """
         rate, before, left = np.zeros_like(volts), volts.copy(), np.arange(volts.size)
         with np.errstate(all="ignore"):
@@ -87,7 +87,7 @@ class Discovered:
     def _taken_off(
         self, volts: FloatArray, rate_dps: FloatArray, celsius: FloatArray, before: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """The output before the bias's structures, which was taken to be `before`, and that before all of them."""
+        """Return the output without the bias's structures, starting from `before`, and that without all structures."""
         scale, bias_v = self._changes(rate_dps, celsius, before)
         before = volts - bias_v
         return before, self.U0_v + (before - self.U0_v) / scale
@@ -95,7 +95,7 @@ class Discovered:
     def _changes(
         self, rate_dps: FloatArray, celsius: FloatArray, output_v: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """By what the scale factor is multiplied, and what is added to the bias [V]."""
+        """Return the factor on the scale factor, and the change of the bias [V]."""
         coordinates = {
             "gyro_temp": celsius,
             "rate": rate_dps,
@@ -115,17 +115,17 @@ class Discovered:
         return scale, bias_v
 
     def as_json(self) -> dict[str, object]:
-        """As `coefficients.json` has it."""
+        """Return the structures as in `coefficients.json`."""
         return {"U0_v": self.U0_v, "structures": {name: one.values for name, one in self.structures.items()}}
 
 
 def discovered_in(U0_v: float, tables: Mapping[str, Mapping[str, float]]) -> Discovered:
-    """Structures by their identifiers and parameters.
+    """Create structures from their identifiers and parameters.
 
     Raises
     ------
     UsageError
-        One is no structure, has other parameters, or cannot be taken off.
+        If one is no structure, has other parameters, or cannot be subtracted.
     """
     found = {}
     for name, values in tables.items():
@@ -137,12 +137,12 @@ def discovered_in(U0_v: float, tables: Mapping[str, Mapping[str, float]]) -> Dis
 
 
 def discovered_of(model: Model) -> Discovered:
-    """The structures of a model that can be taken off; it knows which ones cannot.
+    """Return the structures of a model that can be subtracted; `left` names those that cannot.
 
     Raises
     ------
     UsageError
-        Where none can be, or the model does not say from which output its scale factor counts.
+        If none can be, or the model does not state the output at rest.
     """
     found = {
         name: make_effects({name: values}, where="discovered")[0]

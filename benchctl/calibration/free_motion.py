@@ -1,10 +1,10 @@
 """Scale factor and delay from one long run in any motion, in angle: integrated gyro against encoder, within a band.
 
 Gyro g(t) = K·ω(t − τ), so that the angle is θ(t) = ∫g dt (t + τ)/K. Both angles pass the same zero-phase band-pass,
-which takes out the bias (below) and the encoder's steps and the noise (above). The integral is by a spline: a sum of
-samples is late by half a sample, and what is lost there is found again as a wrong delay; trapezoids are in time, but
-lose (ω·dt)²/12 of the amplitude. In angle the encoder's quantisation is plain white noise; differentiated it would
-attenuate the scale factor. Intervals are by blocks of time, because residuals hang together.
+which removes the bias (below) and the encoder's resolution noise (above). The integral uses a spline: a sum of samples
+is late by half a sample, which would appear as a wrong delay; trapezoids have no delay, but lose (ω·dt)²/12 of the
+amplitude. In angle the encoder's quantisation is white noise; differentiated it would attenuate the scale factor.
+Intervals are computed from blocks of time, because the residuals are correlated.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _LEAST_MOTION_DEG = 1.0
 class FreeMotionFit:
     """Scale factor (output per °/s) and delay with 95 % intervals; rms angle residual before and after, deg.
 
-    `before_deg` is with the scale of `start_scale`, or else the one found, and no delay.
+    `before_deg` is for `start_scale`, or else the fitted scale, and no delay.
     """
 
     scale: float
@@ -52,11 +52,11 @@ def fit_free_motion(
     start_scale: float | None = 1.0,
     band_hz: tuple[float, float] = BAND_HZ,
 ) -> FreeMotionFit:
-    """Fit; `angle_deg` unwrapped and `output` are equidistant samples of one scan, shape (n,), without gaps.
+    """Fit one scan; `angle_deg` unwrapped and `output` are equidistant samples, shape (n,), without gaps.
 
-    `start_scale` is what the output is taken for before the fit (1 for a gyro that gives °/s), None where unknown.
+    `start_scale` is the scale assumed before the fit (1 for a gyro that outputs °/s), None if unknown.
     """
-    from scipy.signal import butter, sosfiltfilt  # half a second of loading, which no other fit needs
+    from scipy.signal import butter, sosfiltfilt  # takes half a second to import; no other fit needs it
 
     low, high = band_hz
     clusters = int(angle_deg.size / sample_rate_hz / CLUSTER_S)
@@ -107,7 +107,7 @@ def fit_free_motion(
 
 
 def fit_free_motion_of(step: Step, start_scale: float | None) -> FreeMotionFit:
-    """Fit a step of a recording; raises `UsageError` where it is too short, lacks a channel, or has gaps."""
+    """Fit a step of a recording; raise `UsageError` if it is too short, lacks a channel, or has gaps."""
     if missing := [name for name in ("time_s", "encoder_deg", "gyro_v") if name not in step.channels]:
         raise UsageError(f"free motion: the step has no {', '.join(missing)}, which such a fit needs")
     time, angle, output = step["time_s"], step["encoder_deg"], step["gyro_v"]

@@ -1,9 +1,10 @@
-"""One joint weighted fit of every run: law, bias, delay and the encoder's own error at once, with calibrated intervals.
+"""One joint weighted fit of every run: law, bias, delay and the encoder's error at once, with calibrated intervals.
 
-Each step is split into its mean, which knows the bias and shares its random walk with all other steps, and the blocks
-about it, whose noise is white but for the encoder's. Gauss-Newton on both together; after every turn the noise is
-estimated anew (`noise_model`). The encoder's error at one and two periods a turn is a nuisance of four amplitudes, held
-only by what is known of its accuracy: without it a sine about one angle would put its slope into the scale factor.
+Each step is split into its mean, which determines the bias and shares its random walk with all other steps, and the
+blocks about the mean, whose noise is white except for the encoder's. Gauss-Newton on both together; after every
+iteration the noise is estimated again (`noise_model`). The encoder's error at one and two periods per turn is a
+nuisance of four amplitudes, constrained only by its stated accuracy: without it a sine about one angle would put the
+slope of that error into the scale factor.
 """
 
 from __future__ import annotations
@@ -54,11 +55,11 @@ _LEAST_EIGENVALUE = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointProblem:
-    """What is to be fitted: the law, powers of ΔT in the bias, whether the delay and the encoder's error are free.
+    """What to fit: the law, powers of ΔT in the bias, and whether the delay and the encoder's error are free.
 
-    `encoder_accuracy_arcsec` holds the encoder's amplitudes loosely (a normal prior of that deviation), 0 where
-    unknown. With a `thermal` history the lag of the coil behind the thermistor is fitted too, held by a normal prior
-    of 600 s about 0.
+    `encoder_accuracy_arcsec` is the standard deviation of a normal prior of the encoder's amplitudes, 0 if unknown.
+    With a `thermal` history the lag of the coil behind the thermistor is fitted too, with a normal prior of 600 s
+    about 0.
     """
 
     law: Law
@@ -82,9 +83,9 @@ class JointProblem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointSolution:
-    """What was found: estimates as a mixture over the likely noises, the noise itself, and how badly it fits.
+    """The solution: estimates as a mixture over the likely noises, the noise itself, and the quality of the fit.
 
-    `freedom` is how many steps in motion the scatter was measured on: degrees of freedom for intervals.
+    `freedom` is the number of steps in motion behind the scatter: the degrees of freedom of intervals.
     """
 
     names: tuple[str, ...]
@@ -108,7 +109,7 @@ class JointSolution:
 
 
 def predict(problem: JointProblem, parameters: FloatArray, rows: Rows) -> tuple[FloatArray, FloatArray]:
-    """Mean output of each block (n,) and its derivatives by the parameters (n, p)."""
+    """Return the mean output of each block (n,) and its derivatives by the parameters (n, p)."""
     laws = len(problem.law.names)
     bias_end = laws + 1 + problem.bias_terms
     rest = parameters[bias_end:]
@@ -138,7 +139,7 @@ def predict(problem: JointProblem, parameters: FloatArray, rows: Rows) -> tuple[
 
 
 def _by_temperature(problem: JointProblem, parameters: FloatArray, rate: FloatArray, dt_c: FloatArray) -> FloatArray:
-    """Derivative of the output by the coil's temperature, V/°C, shape (n,)."""
+    """Return the derivative of the output by the coil's temperature, V/°C, shape (n,)."""
     laws = len(problem.law.names)
     bias = parameters[laws : laws + 1 + problem.bias_terms]
 
@@ -150,14 +151,14 @@ def _by_temperature(problem: JointProblem, parameters: FloatArray, rate: FloatAr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Class:
-    """Blocks that share a noise: which rows, and over how many blocks the encoder's smoother correlates them."""
+    """Blocks with a common noise: their rows, and the number of blocks correlated by the encoder's smoother."""
 
     rows: IntArray
     lags: int
 
 
 def _classes(steps: Sequence[ReducedStep], rows: Rows) -> list[_Class]:
-    """Blocks of equal kind, length and smoother; those at rest tell nothing but their mean."""
+    """Return blocks of equal kind, length and smoother; those at rest contribute only their mean."""
     keys: dict[Hashable, list[int]] = {}
     for i, step in enumerate(steps):
         if step.kind == "constant_rate":
@@ -175,7 +176,7 @@ def _classes(steps: Sequence[ReducedStep], rows: Rows) -> list[_Class]:
 def _white_of_means(
     steps: Sequence[ReducedStep], rows: Rows, residual: FloatArray, classes: list[_Class]
 ) -> FloatArray:
-    """White variance of the mean of each step, V², shape (m,), by the scatter of the blocks of its like."""
+    """Return the white variance of the mean of each step, V², shape (m,), from the scatter of blocks of its class."""
     per_sample = np.zeros(rows.steps)
     weighted = residual * np.sqrt(rows.count)
     still = [i for i, step in enumerate(steps) if step.kind == "static"]
@@ -185,17 +186,17 @@ def _white_of_means(
             continue
         members = rows.step[group.rows]
         gamma = autocovariances(weighted[group.rows], members, group.lags)
-        left = 1.0 - (2 * group.lags + 1) * np.unique(members).size / members.size  # taken out with each step's mean
-        # What is left at low frequency: the encoder's differentiated noise cancels in a mean.
+        left = 1.0 - (2 * group.lags + 1) * np.unique(members).size / members.size  # removed with each step's mean
+        # The noise at low frequency: the encoder's differentiated noise cancels in a mean.
         per_sample[np.unique(members)] = max(gamma[0] + 2 * float(gamma[1:].sum()), 0.2 * gamma[0]) / max(left, 0.2)
     floor = 1e-12 * max(float(np.median(np.abs(rows.output_v))), 1e-6) ** 2
     return np.maximum(per_sample, floor) / np.add.reduceat(rows.count, rows.start)
 
 
 def fit_joint(problem: JointProblem, steps: Sequence[ReducedStep], start: FloatArray) -> JointSolution:
-    """Fit; `start` has the shape of `problem.names`. Steps must be in time order.
+    """Fit the problem; `start` has the shape of `problem.names`. Steps must be in time order.
 
-    Raises `UsageError` where the steps cannot tell the parameters apart, or the law has no output at their rates.
+    Raises `UsageError` if the steps do not determine the parameters, or the law has no output at their rates.
     """
     rows = gather(steps, problem.T0_c)
     classes = _classes(steps, rows)
@@ -214,7 +215,7 @@ def fit_joint(problem: JointProblem, steps: Sequence[ReducedStep], start: FloatA
             converged = True
             break
         parameters = parameters + change * _reach(problem, parameters, change, rows)
-    # Once more from scratch: on the way a bad start may have led the noise into a corner.
+    # Estimate again without a start: a bad start of the fit may have led the noise to a local optimum.
     noise = estimate(blocks.means)
     deviance = blocks.means.solve(noise)[2]
     moving, turning = _scores(steps, blocks)
@@ -242,7 +243,7 @@ def fit_joint(problem: JointProblem, steps: Sequence[ReducedStep], start: FloatA
 
 
 def _reach(problem: JointProblem, parameters: FloatArray, change: FloatArray, rows: Rows) -> float:
-    """How much of a change the law can follow (a polynomial must not turn over); all of it, usually."""
+    """Return the share of a change that the law can follow (a polynomial must stay monotonic); usually all of it."""
     laws = len(problem.law.names)
     fastest = 1.05 * float(np.max(np.abs(rows.rate_dps) + rows.spread_dps))
     extremes = np.array([float(rows.dt_c.min()), float(rows.dt_c.max())])
@@ -260,9 +261,9 @@ def _reach(problem: JointProblem, parameters: FloatArray, change: FloatArray, ro
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Linear:
-    """Everything about the present parameters: the means, and per class the blocks about them.
+    """The linearised problem at the current parameters: the means, and per class the blocks about them.
 
-    `classes` holds which step each block is of, its weighted derivatives (n, p) and its weighted residual (n,).
+    `classes` holds the step of each block, its weighted derivatives (n, p) and its weighted residual (n,).
     """
 
     means: LinearMeans
@@ -279,7 +280,7 @@ def _linearise(
     wiener: FloatArray,
     parameters: FloatArray,
 ) -> _Linear:
-    """Residuals and derivatives, split into means and blocks about them, weighted by the blocks' own scatter."""
+    """Return residuals and derivatives, split into means and blocks about them, weighted by the blocks' scatter."""
     output, derivative = predict(problem, parameters, rows)
     residual = rows.output_v - output
     mean_residual, mean_derivative = rows.means(residual), rows.means(derivative)
@@ -297,7 +298,7 @@ def _linearise(
         members = rows.step[group.rows]
         X = (derivative[group.rows] - mean_derivative[members]) * root[:, None]
         if steps[members[0]].kind == "constant_rate":
-            # About their mean such rates are nothing but the encoder's noise and error: they know of no scale factor.
+            # About their mean, constant rates contain only the encoder's noise and error, not the scale factor.
             X[:, : X.shape[1] - len(ENCODER_TERMS) * problem.encoder] = 0.0
         e = centred[group.rows] * root
         white_information += X.T @ X
@@ -316,7 +317,7 @@ def _linearise(
 
 
 def _scores(steps: Sequence[ReducedStep], blocks: _Linear) -> tuple[list[StepScores], list[StepScores]]:
-    """What each step's blocks say, in motion and at constant rates."""
+    """Return the scores of each step's blocks, in motion and at constant rates."""
     moving: list[StepScores] = []
     turning: list[StepScores] = []
     for members, derivative, residual in blocks.classes:
@@ -328,7 +329,7 @@ def _scores(steps: Sequence[ReducedStep], blocks: _Linear) -> tuple[list[StepSco
 
 
 def _prior(problem: JointProblem) -> FloatArray:
-    """Information that is there before the data, (p,): of the encoder's accuracy as stated, and of lags of gyros."""
+    """Return the prior information, (p,): of the encoder's stated accuracy, and of typical lags of gyros."""
     information = np.zeros(len(problem.names))
     if problem.thermal:
         information[problem.names.index(THERMAL_LAG)] = 1.0 / _LIKELY_LAG_S**2
@@ -338,7 +339,7 @@ def _prior(problem: JointProblem) -> FloatArray:
 
 
 def _weights(e: FloatArray, robust: bool) -> tuple[FloatArray, float]:
-    """Huber weights beyond four deviations (1 for normal noise), and the variance of what they leave."""
+    """Return Huber weights beyond four deviations (1 for normal noise), and the weighted variance."""
     if not robust:
         return np.ones(e.size), max(float(np.mean(e**2)), 1e-30)
     deviation = max(DEVIATION_OF_MEDIAN * float(np.median(np.abs(e))), 1e-15)
@@ -347,7 +348,7 @@ def _weights(e: FloatArray, robust: bool) -> tuple[FloatArray, float]:
 
 
 def _demand_told_apart(problem: JointProblem, means: LinearMeans) -> None:
-    """Raise where a parameter, or a combination of several, leaves no trace in the data."""
+    """Raise `UsageError` if a parameter, or a combination of several, has no effect on the data."""
     information = means.information + means.derivative.T @ means.derivative
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
@@ -358,7 +359,7 @@ def _demand_told_apart(problem: JointProblem, means: LinearMeans) -> None:
 
 
 def _inverse(information: FloatArray) -> FloatArray:
-    """Inverse of an information matrix, scaled so that units do not spoil it."""
+    """Invert an information matrix, scaled so that different units cause no loss of accuracy."""
     scale = 1.0 / np.sqrt(np.diag(information))
     inverse: FloatArray = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
     return inverse

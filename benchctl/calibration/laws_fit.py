@@ -1,4 +1,4 @@
-"""From reduced steps to joint fits in the words of the result: laws that the data can carry, starts, intervals."""
+"""From reduced steps to the joint fits of the result: laws that the data support, starts, intervals."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from benchctl.calibration.joint import THERMAL_LAG, JointProblem, JointSolution, fit_joint, predict
 from benchctl.calibration.model import EARTH_DPS, Law
-from benchctl.calibration.result import CalibrationOptions, Contribution, JointFit, Noise, Parameter, StraightLine
+from benchctl.calibration.result import CalibrationOptions, Contribution, FittedParameter, JointFit, Noise, StraightLine
 from benchctl.calibration.rows import gather
 from benchctl.calibration.stage_one import Carries, what_it_carries
 from benchctl.calibration.thermistor import ThermalHistory
@@ -30,7 +30,7 @@ _LAGS_S = (600.0, 420.0, 300.0, 210.0, 150.0)
 _LEAST_BEHIND_C = 1e-3
 _SETTLED = 0.5
 _EXCLUDED = 4.0
-"""By so much more in twice the log-likelihood (two standard deviations) a lag is excluded."""
+"""Increase of twice the negative log likelihood (two standard deviations) at which a lag is excluded."""
 _SURE_OF_LAG = 2.0
 
 UNITS = {
@@ -52,9 +52,9 @@ def fit_laws(
     known: StatedUncertainties,
     thermal: ThermalHistory,
 ) -> tuple[tuple[JointFit, ...], tuple[str, ...]]:
-    """Joint fits, the one that the data prefer first, and sentences on what could not be fitted.
+    """Return joint fits, the one that the data prefer first, and sentences on what could not be fitted.
 
-    `known` is how well the bench is known. Where the gyro had not settled thermally, by its `thermal` history, the lag
+    `known` are the uncertainties of the bench. If the gyro had not settled thermally, by its `thermal` history, the lag
     of its coil is a parameter (`thermal_lag_s`).
     """
     warnings: list[str] = []
@@ -109,9 +109,9 @@ def fit_laws(
 def _thermal_lag(
     problem: JointProblem, solution: JointSolution, steps: Sequence[ReducedStep], thermal: ThermalHistory
 ) -> tuple[float, tuple[JointProblem, JointSolution] | None]:
-    """The largest lag, s, of the coil that the data allow, and the fit with the lag as a parameter where that is sure.
+    """Return the largest lag, s, of the coil that the data allow, and the fit with it as a parameter if significant.
 
-    0 where no likely lag would move a parameter by more than half its standard uncertainty: the gyro had settled.
+    0 if no plausible lag would move a parameter by more than half its standard uncertainty: the gyro had settled.
     """
     if problem.law.temperature_terms == 0 and problem.bias_terms == 0:
         return 0.0, None
@@ -131,7 +131,7 @@ def _thermal_lag(
 
 
 def _farthest_behind_c(steps: Sequence[ReducedStep], thermal: ThermalHistory, lag_s: float) -> float:
-    """The largest difference between coil and thermistor during the steps, °C."""
+    """Return the largest difference between coil and thermistor during the steps, °C."""
     return float(np.max(np.abs(thermal.behind(np.concatenate([step.time_s for step in steps]), lag_s))))
 
 
@@ -142,7 +142,7 @@ def _at_lag(
     thermal: ThermalHistory,
     lag_s: float,
 ) -> JointSolution | None:
-    """The same fit to the temperatures of a coil that lags by so much; None where the law cannot be fitted to them."""
+    """Fit again to the temperatures of a coil with this lag; None if the law cannot be fitted to them."""
     try:
         return fit_joint(problem, thermal.coils(steps, lag_s), solution.estimate)
     except UsageError:
@@ -156,7 +156,7 @@ def _with_lag(
     thermal: ThermalHistory,
     lag_s: float,
 ) -> tuple[JointProblem, JointSolution] | None:
-    """The same fit with the lag of the coil as one more parameter, from a likely one on; None where there is none."""
+    """Fit again with the lag of the coil as a further parameter, starting at `lag_s`; None if that is impossible."""
     lagging = replace(problem, thermal=thermal)
     start = np.insert(solution.estimate, lagging.names.index(THERMAL_LAG), lag_s)
     try:
@@ -166,19 +166,19 @@ def _with_lag(
 
 
 def _lag_of(solution: JointSolution) -> tuple[float, float]:
-    """The fitted lag and its standard uncertainty, s."""
+    """Return the fitted lag and its standard uncertainty, s."""
     place = solution.names.index(THERMAL_LAG)
     return float(solution.estimate[place]), float(np.sqrt(solution.covariance[place, place]))
 
 
 def _is_sure(solution: JointSolution) -> bool:
-    """Whether a fitted lag is significant."""
+    """Return whether a fitted lag is significant."""
     lag_s, standard_s = _lag_of(solution)
     return solution.converged and lag_s > _SURE_OF_LAG * standard_s
 
 
 def _shift(plain: tuple[JointProblem, JointSolution], lagging: JointSolution | None) -> Mapping[str, float]:
-    """By how much a lag moves each parameter."""
+    """Return the change of each parameter due to a lag."""
     if lagging is None:
         return {}
     return dict(zip(plain[1].names, map(float, lagging.estimate - plain[1].estimate), strict=True))
@@ -194,14 +194,14 @@ def _unsettled(solution: JointSolution, steps: Sequence[ReducedStep], thermal: T
 
 
 def only_free_motion(steps: Sequence[ReducedStep]) -> bool:
-    """Whether nothing but motion of unknown band was recorded: no constant rate, no sine of a stated frequency."""
+    """Return whether only motion of unknown band was recorded: no constant rate, no sine of a stated frequency."""
     return not any(step.kind == "constant_rate" or step.info.frequency_hz is not None for step in steps)
 
 
 def _rate_terms(
     steps: Sequence[ReducedStep], carries: Carries, sure: bool, options: CalibrationOptions, warnings: list[str]
 ) -> int:
-    """Terms in ω: none where the runs cannot tell them or show no bend, with a sentence on why."""
+    """Return the number of terms in ω; 0, with a warning, if the runs do not determine them or show no bend."""
     if only_free_motion(steps):
         warnings.append(
             "No term in ω is fitted: free motion alone mixes it with what the smoother takes from reversals."
@@ -219,7 +219,7 @@ def _rate_terms(
 
 
 def _laws(options: CalibrationOptions, curved: bool, bend: float, warnings: list[str]) -> tuple[str, ...]:
-    """The laws to be fitted: a sine only where the output falls short of the line, as an interferometer's does."""
+    """Return the laws to fit; a sine only if the output falls short of the line, as an interferometer's does."""
     if options.law in ("polynomial", "response"):
         return (options.law,)
     if not curved:
@@ -231,7 +231,7 @@ def _laws(options: CalibrationOptions, curved: bool, bend: float, warnings: list
 
 
 def law_of(fit: JointFit) -> tuple[Law, FloatArray, float, tuple[float, ...]]:
-    """A fit's law, the law's own parameters, U0 and the coefficients of the bias."""
+    """Return a fit's law, the law's parameters, U0 and the coefficients of the bias."""
     names = [parameter.name for parameter in fit.parameters]
     law = Law(
         name=fit.law,
@@ -252,7 +252,7 @@ def _problem(
     options: CalibrationOptions,
     warnings: list[str],
 ) -> JointProblem:
-    """What the recording can carry: terms in temperature need temperatures, the delay needs motion."""
+    """Return the problem that the recording supports: terms in temperature need temperatures, a delay needs motion."""
     terms = min(options.orders_1[0], max(carries.scale_temperatures - 1, 0))
     if terms < options.orders_1[0]:
         warnings.append(
@@ -276,7 +276,7 @@ def _problem(
 
 
 def _likely_delay(steps: Sequence[ReducedStep]) -> float:
-    """Median of the delays found within the runs in motion."""
+    """Return the median of the delays estimated within the runs in motion."""
     delays = [step.delay_s for step in steps if step.kind == "motion"]
     return float(np.median(delays)) if delays else 0.0
 
@@ -292,7 +292,7 @@ def _start(problem: JointProblem, line: StraightLine, delay_s: float) -> FloatAr
 
 
 def _bend(steps: Sequence[ReducedStep], T0_c: float) -> tuple[float, bool]:
-    """b2 of the response, (°/s)⁻², by plain least squares, and whether it is plain to see.
+    """Return b2 of the response, (°/s)⁻², by ordinary least squares, and whether it is clearly significant.
 
     It is −S²/6 for an interferometer, a start for its fit.
     """
@@ -314,9 +314,9 @@ def _named(
     known: StatedUncertainties,
     lag_shifts: Mapping[str, float],
 ) -> JointFit:
-    """The solution in the words of the result, with intervals and budgets.
+    """Return the solution as a record of the result, with intervals and budgets.
 
-    `lag_shifts` is what the largest lag of the coil that is not excluded would move the parameters by.
+    `lag_shifts` are the changes of the parameters by the largest lag of the coil that is not excluded.
     """
     low, high = solution.mixture.interval(0.95, solution.freedom)
     half = np.max(np.abs(solution.mixture.interval(LEVEL, solution.freedom) - solution.estimate), axis=0)
@@ -324,24 +324,24 @@ def _named(
     values = dict(zip(solution.names, map(float, solution.estimate), strict=True))
     parameters = []
     for i, name in enumerate(solution.names):
-        unit, says = UNITS.get(name) or _unit_of(name, problem.law.name)
+        unit, meaning = UNITS.get(name) or _unit_of(name, problem.law.name)
         type_a, own = float(standard[i]), float(half[i])
         dof_a = dof_of_factor(own / type_a)
         budget = contributions(name, values, type_a, dof_a, steps, bench, problem.earth_rate_dps, known)
         if shift := abs(lag_shifts.get(name, 0.0)):
-            says = "a lag of the coil behind its thermistor is not excluded"
-            budget += (Contribution(source="thermal lag", standard=shift / math.sqrt(3.0), kind="B", says=says),)
+            meaning = "a lag of the coil behind its thermistor is not excluded"
+            budget += (Contribution(source="thermal lag", standard=shift / math.sqrt(3.0), kind="B", says=meaning),)
         combined = math.hypot(*(part.standard for part in budget))
         dof = effective_dof((part.standard, part.dof) for part in budget)
         expanded = max(coverage_factor(dof) * combined, own)
         parameters.append(
-            Parameter(
+            FittedParameter(
                 name=name,
                 value=values[name],
                 unit=unit,
                 standard=type_a,
                 ci95=(float(low[i]), float(high[i])),
-                says=says,
+                says=meaning,
                 expanded=expanded,
                 k=expanded / combined,
                 dof=dof,
@@ -365,7 +365,7 @@ def _named(
 
 
 def _unit_of(name: str, law: str) -> tuple[str, str]:
-    """Unit and words of a coefficient."""
+    """Return unit and description of a coefficient."""
     if name.endswith("arcsec"):
         return "″", f"the encoder's error, {name.split('_')[1]}"
     power = int(name[1:])
@@ -386,7 +386,7 @@ def choose_orders(
     """Choose the terms of k(T) and k(ω) of the polynomial law by cross-validation over complete runs; with the reason.
 
     Each candidate is fitted to three quarters of the moving runs and predicts the rest, four times; the smallest one
-    whose squared error is within one standard error of the best is taken (Breiman's rule).
+    with a squared error within one standard error of the best is chosen (Breiman's rule).
     """
     moving = [i for i, step in enumerate(steps) if step.kind != "static"]
     if len(moving) < 2 * FOLDS:
@@ -419,7 +419,7 @@ def choose_orders(
 def _held_out(
     problem: JointProblem, steps: Sequence[ReducedStep], base_start: FloatArray, moving: list[int]
 ) -> FloatArray:
-    """Mean squared error of each moving run, V², when it was not among the fitted ones; shape (len(moving),)."""
+    """Return the mean squared error of each moving run, V², when it was not fitted; shape (len(moving),)."""
     start = np.zeros(len(problem.names))
     start[0] = base_start[0]
     start[len(problem.law.names) :] = base_start[-(len(problem.names) - len(problem.law.names)) :]
@@ -430,7 +430,7 @@ def _held_out(
         try:
             solution = fit_joint(problem, kept, start)
         except UsageError:
-            return errors  # this order folds over inside the range: not a candidate
+            return errors  # this order is not monotonic inside the range: not a candidate
         rows = gather([steps[i] for i in aside], problem.T0_c)
         output, _ = predict(problem, solution.estimate, rows)
         residual = rows.output_v - output
@@ -451,7 +451,7 @@ def contributions(
     earth_rate_dps: float,
     known: StatedUncertainties,
 ) -> tuple[Contribution, ...]:
-    """The uncertainty budget of one parameter of a joint fit: type A with its `dof`, then the contributions of type B.
+    """Return the uncertainty budget of one parameter of a joint fit: type A with its `dof`, then type B.
 
     Each is a standard uncertainty (k = 1) in the parameter's unit, after JCGM 100:2008 (GUM), 4.3 and 5.1. The bench's
     figures come from the recording's certificates; missing ones are assumed, as the contribution then states.
@@ -488,7 +488,7 @@ def contributions(
 
 
 def _earth(gain: float, bench: BenchFacts, earth_rate_dps: float, known: StatedUncertainties) -> tuple[str, float, str]:
-    """Earth's rate: how well its part along the axis is known; all of it where the latitude is not."""
+    """Return the uncertainty of the Earth's rate along the axis; all of that rate if the latitude is not known."""
     if bench.latitude_deg is None:
         return "Earth's rate", gain * EARTH_DPS / np.sqrt(3.0), "latitude not known: its rate is part of U0"
     off_deg = np.hypot(known.latitude_deg.standard, known.tilt_deg.standard)
@@ -502,5 +502,5 @@ def _earth(gain: float, bench: BenchFacts, earth_rate_dps: float, known: StatedU
 
 
 def _described(figure: Stated, unit: str) -> str:
-    """A standard uncertainty with its unit and its source."""
+    """Return a standard uncertainty with its unit and its source, as text."""
     return f"{figure.standard:.3g}{unit} ({figure.says})"

@@ -1,4 +1,4 @@
-"""The laws that tie rate, temperature and output together, forwards and backwards.
+"""The laws that relate rate, temperature and output, forwards and backwards.
 
 | law        | equation, ΔT = T − T0                                        | convention   | argument    |
 |------------|--------------------------------------------------------------|--------------|-------------|
@@ -6,8 +6,8 @@
 | polynomial | ω = x·(1 + a1ΔT + …)·(1 + b2x² + b4x⁴ + …), x = u/K0          | correction   | indicated   |
 | response   | u = K0·(1 + a1ΔT + …)·(1 + b2ω² + b4ω⁴ + …)·ω                 | response     | true        |
 
-u is the output less its bias. The sine is that of an open-loop interferometer (S in rad per °/s); the polynomial is the
-paper's. With no term in T or ω all three are a straight line. Bias: U0 + c1ΔT + c2ΔT² ….
+u is the output minus its bias. The sine is that of an open-loop interferometer (S in rad per °/s); the polynomial is
+that of the paper. Without terms in T or ω all three are a straight line. Bias: U0 + c1ΔT + c2ΔT² ….
 
 `AppliedLaw` is a law with all its numbers, ready for use: from volts and a temperature to the sensed rate, and back.
 With ΔT = T − T0, x = (U − U0 − Σ c_i·ΔT^i)/K0, k_T = 1 + Σ a_i·ΔT^i and k_ω(z) = 1 + Σ b_i·z^(2i):
@@ -60,7 +60,7 @@ class Law:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, with units where they are not those of a coefficient."""
+        """Names of the parameters; those that are not coefficients include their units."""
         letter = "g" if self.name == "sine" else "a"
         rate = ("S_rad_per_dps",) if self.name == "sine" else tuple(f"b{2 * i + 2}" for i in range(self.rate_terms))
         return ("K0_v_per_dps", *rate, *(f"{letter}{i + 1}" for i in range(self.temperature_terms)))
@@ -72,7 +72,7 @@ class Law:
         return np.array([1e-2, *rate, *(30.0 ** -(i + 1) for i in range(self.temperature_terms))])
 
     def start(self, K0_v_per_dps: float) -> FloatArray:
-        """Where a fit may begin, shape (p,): a straight line, or a gently bent one."""
+        """Return the start of a fit, shape (p,): a straight line, or a slightly bent one."""
         parameters = np.zeros(len(self.names))
         parameters[0] = K0_v_per_dps
         if self.name == "sine":
@@ -80,7 +80,7 @@ class Law:
         return parameters
 
     def volts(self, parameters: FloatArray, rate_dps: FloatArray, dt_c: FloatArray) -> FloatArray:
-        """Output less its bias at a true rate, V; arrays of one shape."""
+        """Return the output minus its bias at a true rate, V; arrays of one shape."""
         gain = parameters[0]
         warm = factor(parameters[1 + self.rate_terms :], dt_c)
         bend = parameters[1 : 1 + self.rate_terms]
@@ -91,7 +91,7 @@ class Law:
         return np.asarray(gain * _solve_odd(bend, rate_dps / warm))
 
     def rate(self, parameters: FloatArray, volts: FloatArray, dt_c: FloatArray) -> FloatArray:
-        """True rate at an output less its bias, °/s; NaN beyond what the law can give (sine: |S·x| > 1)."""
+        """Return the true rate for an output minus its bias, °/s; NaN beyond the law's reach (sine: |S·x| > 1)."""
         indicated = volts / parameters[0]
         warm = factor(parameters[1 + self.rate_terms :], dt_c)
         bend = parameters[1 : 1 + self.rate_terms]
@@ -106,11 +106,11 @@ class Law:
     def volts_and_slopes(
         self, parameters: FloatArray, rate_dps: FloatArray, dt_c: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Volts (n,), their derivatives by the parameters (n, p) and by the rate (n,), by central differences."""
+        """Return volts (n,) and their central-difference derivatives by the parameters (n, p) and by the rate (n,)."""
         value = self.volts(parameters, rate_dps, dt_c)
         slopes = np.empty((rate_dps.size, parameters.size))
         for i, scale in enumerate(self.scales):
-            # Largest where the law is linear in the parameter, so that nothing is lost to rounding.
+            # The law is linear in the first parameter, so a large step avoids rounding errors.
             step = np.zeros(parameters.size)
             step[i] = 1e-4 * (abs(parameters[i]) if i == 0 else scale)
             up, down = self.volts(parameters + step, rate_dps, dt_c), self.volts(parameters - step, rate_dps, dt_c)
@@ -120,7 +120,7 @@ class Law:
 
 
 def factor(coefficients: Sequence[float] | FloatArray, argument: FloatArray) -> FloatArray:
-    """1 + c1·z + c2·z² + …; z is ΔT, or ω² for a factor in even powers."""
+    """Return 1 + c1·z + c2·z² + …; z is ΔT, or ω² for a factor in even powers."""
     total = np.zeros_like(argument, dtype=np.float64)
     for coefficient in reversed(list(coefficients)):
         total = (total + coefficient) * argument
@@ -128,14 +128,14 @@ def factor(coefficients: Sequence[float] | FloatArray, argument: FloatArray) -> 
 
 
 def bias(coefficients: Sequence[float], dt_c: FloatArray) -> FloatArray:
-    """c1·ΔT + c2·ΔT² + …, V."""
+    """Return c1·ΔT + c2·ΔT² + …, V."""
     return factor(coefficients, dt_c) - 1.0
 
 
 def _solve_odd(bend: FloatArray, target: FloatArray) -> FloatArray:
-    """The x with x·(1 + b2x² + b4x⁴ + …) = target, by Newton from the target.
+    """Return the x with x·(1 + b2x² + b4x⁴ + …) = target, by Newton's method from the target.
 
-    Raises `UsageError` where the polynomial turns over before it reaches the target: there is no such rate.
+    Raises `UsageError` if the polynomial has its maximum below the target: then there is no such rate.
     """
     if bend.size == 0:
         return target
@@ -156,11 +156,11 @@ def _solve_odd(bend: FloatArray, target: FloatArray) -> FloatArray:
 
 
 EARTH_DPS = 15.041 / 3600.0
-"""The Earth's rotation against the stars, °/s."""
+"""The Earth's rotation relative to the stars, °/s."""
 
 
 def earth_rate_dps(latitude_deg: float | None) -> float:
-    """Component along a vertical axis, positive counter-clockwise from above in the north; 0 where not known."""
+    """Return the component along a vertical axis, positive counter-clockwise from above in the north; 0 if unknown."""
     return 0.0 if latitude_deg is None else float(EARTH_DPS * np.sin(np.deg2rad(latitude_deg)))
 
 
@@ -181,10 +181,10 @@ class Factors:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AppliedLaw:
-    """One of the laws above; `bias` are the c_i [V/°C^i], `S_rad_per_dps` is 0 where the law is no sine.
+    """One of the laws above; `bias` are the c_i [V/°C^i], `S_rad_per_dps` is 0 if the law is no sine.
 
-    A sine has `k_t` alone, in one stage, as a response has its factors. The rate is that at the output's stamp less
-    `delay_s`. What was `discovered` beside the law is taken off the output first.
+    A sine has only `k_t`, in one stage; a response has its factors in one stage, too. The rate applies to the output's
+    time stamp minus `delay_s`. The `discovered` structures are subtracted from the output first.
     """
 
     name: LawName
@@ -199,17 +199,17 @@ class AppliedLaw:
 
     @property
     def knows_temperature(self) -> bool:
-        """Whether the law depends on the temperature at all."""
+        """Whether the law depends on the temperature."""
         return bool(self.bias) or any(stage.k_t for stage in self.stages)
 
     def rate_dps(self, volts: FloatArray, celsius: FloatArray) -> FloatArray:
-        """Sensed rate [°/s] of outputs [V] at temperatures [°C], of one shape (n,); NaN where the law has no rate."""
+        """Return sensed rates [°/s] of outputs [V] at temperatures [°C], of one shape (n,); NaN if there is no rate."""
         if self.discovered:
             return self.discovered.rate_dps(volts, celsius, self._rate_dps)
         return self._rate_dps(volts, celsius)
 
     def _rate_dps(self, volts: FloatArray, celsius: FloatArray) -> FloatArray:
-        """The same of an output in which nothing is but the law."""
+        """Return the same for an output without discovered structures."""
         with np.errstate(all="ignore"):
             dt = celsius - self.T0_c
             x = (volts - self.U0_v - bias(self.bias, dt)) / self.K0_v_per_dps
@@ -223,9 +223,9 @@ class AppliedLaw:
             return np.asarray(x)
 
     def volts(self, rate_dps: FloatArray, celsius: FloatArray) -> FloatArray:
-        """The output nearest to the bias with just these rates, by bisection; arrays of one shape (n,).
+        """Return the output nearest to the bias with exactly these rates, by bisection; arrays of one shape (n,).
 
-        Where the law does not reach a rate it is the output at which its rates end.
+        If the law does not reach a rate, it is the output at the law's largest rate.
         """
         zero = self.U0_v + bias(self.bias, celsius - self.T0_c)
         step = np.copysign(self.K0_v_per_dps, rate_dps * self.K0_v_per_dps)
@@ -242,46 +242,46 @@ class AppliedLaw:
 
 
 def _bisect(short: Callable[[FloatArray], BoolArray], low: FloatArray, high: FloatArray) -> None:
-    """Move `low` up to the last place that is short, in place."""
+    """Move `low`, in place, up to the largest value that is `short`."""
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         below = short(middle)
         low[below], high[~below] = middle[below], middle[~below]
 
 
-# p(x) = x·(1 + b2x² + b4x⁴ + …) is the odd polynomial that is inverted, as far as it rises.
+# p(x) = x·(1 + b2x² + b4x⁴ + …) is the odd polynomial that is inverted in the range in which it rises.
 
 FLATTEST, STEEPEST = 0.05, 20.0
-"""Slopes of p between which it is inverted."""
+"""Range of slopes of p in which it is inverted."""
 
 FASTEST_DPS = 1e12
 """Upper bound of all rates."""
 
 STEPS = 250
 CONVERGED = 1e-15
-"""The last step, relative."""
+"""Relative size of the last step."""
 
 _STRAIGHT = 1e-30
 """(°/s)⁻²: a bend without effect at any rate."""
 
 _REAL = 1e-6
-"""A root with a relative imaginary part below this is a real one that rounding has split."""
+"""A root with a relative imaginary part below this counts as a real one, split by rounding."""
 
 
 def slopes(bend: Sequence[float]) -> tuple[float, ...]:
-    """The coefficients of p′ = 1 + 3b2x² + 5b4x⁴ + …, as those of p."""
+    """Return the coefficients of p′ = 1 + 3b2x² + 5b4x⁴ + …, in the form of those of p."""
     return tuple((2 * i + 3) * b for i, b in enumerate(bend))
 
 
 def reach(bend: Sequence[float]) -> tuple[float, float]:
-    """How far p can be inverted: the first x > 0 at which it rises by less than `FLATTEST` or more than `STEEPEST`.
+    """Return the end of p's invertible range: the first x > 0 with a slope below `FLATTEST` or above `STEEPEST`.
 
     Returns x, at most `FASTEST_DPS`, and p there.
     """
     size = max((abs(b) ** (1.0 / (i + 1)) for i, b in enumerate(bend)), default=0.0)
     if size < _STRAIGHT:
         return FASTEST_DPS, FASTEST_DPS
-    # In w = 1/(size·x²), so that the coefficient in front is never small and none is large.
+    # In w = 1/(size·x²), so that the leading coefficient is never small and none is large.
     scaled = [b / size ** (i + 1) for i, b in enumerate(slopes(bend))]
     roots = np.concatenate([np.roots([1.0 - slope, *scaled]) for slope in (FLATTEST, STEEPEST)])
     real = roots.real[(roots.real > 0.0) & (np.abs(roots.imag) <= _REAL * np.abs(roots))]
@@ -290,7 +290,7 @@ def reach(bend: Sequence[float]) -> tuple[float, float]:
 
 
 def odd_inverse(bend: Sequence[float], target: FloatArray) -> FloatArray:
-    """The x with p(x) = target, arrays of shape (n,); NaN beyond the reach of p. By Newton, kept in a bracket."""
+    """Return the x with p(x) = target, arrays of shape (n,); NaN beyond the reach of p. Newton's method, bracketed."""
     if not bend:
         return target
     end, most = reach(bend)
@@ -306,7 +306,7 @@ def odd_inverse(bend: Sequence[float], target: FloatArray) -> FloatArray:
         excess = x * factor(bend, square) - wanted
         low, high = np.where(excess > 0.0, low, x), np.where(excess > 0.0, x, high)
         newton = x - excess / factor(slopes(bend), square)
-        # Newton's method alone may go to and fro for ever where p turns from flat to steep.
+        # Newton's method alone may oscillate for ever where p changes from flat to steep.
         trusted = (newton >= low) & (newton <= high) & (2.0 * np.abs(excess) <= before)
         following = np.where(trusted, newton, 0.5 * (low + high))
         before = np.abs(excess)

@@ -1,8 +1,8 @@
-"""What the data say of their own noise: white within steps, a random walk of the bias across them.
+"""Estimate the noise from the data: white within steps, a random walk of the bias across them.
 
-Within a step the blocks scatter about the step's mean. Their noise is not white: the encoder's is differentiated, and
-its quantisation comes back in every cycle of a sine. How much of it the fit takes up is therefore measured where it
-matters, in the directions in which each step moves the parameters (`score_scatter`), pooled over the steps.
+Within a step the blocks scatter about the step's mean. Their noise is not white: the encoder's noise is differentiated,
+and its quantisation error recurs in every cycle of a sine. The part that the fit absorbs is therefore measured in the
+relevant directions, in which each step changes the parameters (`score_scatter`), pooled over the steps.
 
 Means of steps i and j have the covariance D_i·δ_ij + q·W_ij, with
 D_i = white variance over the samples of the step and W that of the mean of a Wiener process: W_ij = middle of the
@@ -30,14 +30,14 @@ _FARTHEST_LOG_WALK = 40.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeansNoise:
-    """Noise of the means: `walk` is q in V²/s, `excess` the factor on the variance that the samples would give."""
+    """Noise of the means: `walk` is q in V²/s, `excess` the factor on the variance expected from the samples."""
 
     walk: float
     excess: float
 
 
 def walk_covariance(middle_s: FloatArray, duration_s: FloatArray) -> FloatArray:
-    """Covariance of the means of a Wiener process of unit strength over steps in time order, shape (m, m), s."""
+    """Return the covariance of the means of a Wiener process of unit strength over steps in time order, (m, m), s."""
     covariance = np.minimum.outer(middle_s, middle_s)
     covariance[np.diag_indices(middle_s.size)] = np.maximum(middle_s - duration_s / 6.0, 0.0)
     return covariance
@@ -45,12 +45,11 @@ def walk_covariance(middle_s: FloatArray, duration_s: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearMeans:
-    """The means of the steps about the present parameters, and what the rest of the data already say.
+    """The means of the steps, linearised at the current parameters, and the information of all other rows.
 
-    In coordinates in which the walk and the white noise are both diagonal, so that every guess at them is cheap: of the
-    eigenvalues ν of D^-½·W·D^-½, shape (m,), residuals (m,) and derivatives (m, p). `log_white` is ln det D;
-    `information` (p, p) and `gradient` (p,) are those of all other rows. `variance` and `exposure` are the diagonals of
-    D and W.
+    The coordinates make both the walk and the white noise diagonal, so that every trial noise is cheap: eigenvalues ν
+    of D^-½·W·D^-½, shape (m,), residuals (m,) and derivatives (m, p). `log_white` is ln det D; `information` (p, p) and
+    `gradient` (p,) are those of all other rows. `variance` and `exposure` are the diagonals of D and W.
     """
 
     eigenvalues: FloatArray
@@ -63,7 +62,7 @@ class LinearMeans:
     exposure: FloatArray
 
     def solve(self, noise: MeansNoise) -> tuple[FloatArray, FloatArray, float]:
-        """Total information (p, p), total gradient (p,) and twice the negative restricted log-likelihood."""
+        """Return total information (p, p), total gradient (p,) and twice the negative restricted log likelihood."""
         variance = noise.excess + noise.walk * self.eigenvalues
         weighted = self.derivative / variance[:, None]
         information = self.information + self.derivative.T @ weighted
@@ -90,7 +89,7 @@ def linear_means(
     information: FloatArray,
     gradient: FloatArray,
 ) -> LinearMeans:
-    """Turn residuals (m,) and derivatives (m, p) of the means to the walk's own axes; `white` (m,) is D, `wiener` W."""
+    """Transform residuals (m,) and derivatives (m, p) of means to the walk's axes; `white` (m,) is D, `wiener` is W."""
     root = 1.0 / np.sqrt(white)
     values, vectors = np.linalg.eigh(wiener * np.outer(root, root))
     return LinearMeans(
@@ -106,7 +105,7 @@ def linear_means(
 
 
 def estimate(means: LinearMeans, start: MeansNoise | None = None) -> MeansNoise:
-    """Q and the excess by restricted maximum likelihood; few steps leave the excess at 1, very few the walk at 0."""
+    """Estimate q and the excess by restricted maximum likelihood; with few steps the excess is 1, then the walk 0."""
     steps = means.residual.size
     if steps < _FEWEST_STEPS_FOR_WALK:
         return MeansNoise(walk=0.0, excess=1.0)
@@ -123,7 +122,7 @@ def estimate(means: LinearMeans, start: MeansNoise | None = None) -> MeansNoise:
 
     def deviance(logs: FloatArray) -> float:
         beyond = float(np.sum(np.maximum(np.abs(logs) - 25.0, 0.0)))
-        # Heavy-tailed: near 1 where the walk could as well explain it, free to be large where the model does not fit.
+        # Heavy-tailed prior: near 1 if the walk could also explain it, free to be large if the model does not fit.
         unlikely = 4 * float(np.log1p((float(logs[1]) / _EXCESS_LOG_SCALE) ** 2 / 4)) if free == 2 else 0.0
         return means.solve(noise_at(logs))[2] + beyond + unlikely
 
@@ -145,10 +144,10 @@ def estimate(means: LinearMeans, start: MeansNoise | None = None) -> MeansNoise:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepScores:
-    """What one step's blocks say, in units of their own deviation.
+    """The scores of one step's blocks, in units of their standard deviation.
 
     `triangle` (r, p) and `residual` (r,) are projections on orthonormal directions; direction i is that of parameter
-    `direction[i]`, less those before it.
+    `direction[i]`, orthogonal to those before it.
     """
 
     triangle: FloatArray
@@ -177,10 +176,10 @@ def project(derivative: FloatArray, residual: FloatArray) -> StepScores:
 
 
 def score_scatter(scores: list[StepScores], bread: FloatArray) -> FloatArray:
-    """Covariance of the sum of all scores, (p, p): each direction's variance pooled over the steps.
+    """Return the covariance of the sum of all scores, (p, p): each direction's variance is pooled over the steps.
 
     `bread` (p, p) is the covariance of the parameters if the noise were white: it determines how much of the residuals
-    the fit has absorbed. Where too few steps show a direction, its variance is that over all directions, at least 1.
+    the fit has absorbed. If too few steps show a direction, its variance is that over all directions, at least 1.
     """
     parameters = bread.shape[0]
     found, expected, steps = np.zeros(parameters), np.zeros(parameters), np.zeros(parameters)
@@ -203,7 +202,7 @@ def score_scatter(scores: list[StepScores], bread: FloatArray) -> FloatArray:
 
 
 def autocovariances(values: FloatArray, step: IntArray, lags: int) -> FloatArray:
-    """Mean products of values that lie 0 … `lags` blocks apart in one step, shape (lags+1,)."""
+    """Return mean products of values that are 0 … `lags` blocks apart in one step, shape (lags+1,)."""
     result = np.zeros(lags + 1)
     for lag in range(min(lags, values.size - 1) + 1):
         together = step[lag:] == step[: step.size - lag]
@@ -213,10 +212,10 @@ def autocovariances(values: FloatArray, step: IntArray, lags: int) -> FloatArray
 
 
 def likely_noises(means: LinearMeans, best: MeansNoise) -> list[tuple[MeansNoise, float]]:
-    """Walks that the data allow, each with its weight (they add up to 1): few soaks say little of a random walk.
+    """Return walks that the data allow, each with its weight (they add up to 1): few soaks hardly determine the walk.
 
-    The weight is the restricted likelihood, all q being equally likely beforehand. They reach far above `best`: where
-    no walk at all is likeliest, a good deal of it may still be possible.
+    The weight is the restricted likelihood with a uniform prior for q. The walks extend far above `best`: even if no
+    walk is likeliest, a considerable one may still be possible.
     """
     if best.walk == 0.0:
         return [(best, 1.0)]

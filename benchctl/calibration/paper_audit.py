@@ -1,11 +1,11 @@
-"""The numbers of the paper, redone.
+"""Recompute the numbers of the paper.
 
 D.V. Pavlov, "Methods of identification of a multiplicative error of a fiber-optical gyroscope", Novgorod State
 University, 2015.
 
-Five points are computed from its printed formulas; the table beside them is from a calibration of a simulated VG910Q
-whose sine law has the S that the paper's polynomial implies. The paper's ω is taken as the indicated rate x, unless
-said.
+Five points are computed from its printed formulas. The numbers for comparison in the table come from a calibration of a
+simulated VG910Q whose sine law has the S implied by the paper's polynomial. The paper's ω is interpreted as the
+indicated rate x, unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SINE_RANGE_DPS = 160.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperPoint:
-    """One point of the audit: what the paper claims, what comes out (name -> number, unit in the name), in words."""
+    """One point of the audit: the paper's claim, the computed numbers (by name with unit), and a verdict in words."""
 
     number: int
     claim: str
@@ -42,7 +42,7 @@ class PaperPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperRow:
-    """A row of the table: a quantity, as the paper prints it and as the redone experiment gives it (None: no such)."""
+    """A row of the table: a quantity as printed in the paper and in the repeated experiment (None: not available)."""
 
     quantity: str
     unit: str
@@ -52,7 +52,7 @@ class PaperRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperAudit:
-    """The audit: the five points, and where a recording was given, the table and the calibration behind it."""
+    """The audit: the five points and, if a recording was given, the table and its calibration."""
 
     points: tuple[PaperPoint, ...]
     rows: tuple[PaperRow, ...]
@@ -60,7 +60,7 @@ class PaperAudit:
 
 
 def audit(steps: Iterable[Step] | None = None, meta: Meta | None = None) -> PaperAudit:
-    """The five points; with the steps of a simulated campaign also the table of the redone experiment."""
+    """Return the five points; with the steps of a simulated campaign also the table of the repeated experiment."""
     points = (_low_rates(), _eight_to_ten(), _inverse_of_sine(), _room_temperature(), _second_stage())
     if steps is None or meta is None:
         return PaperAudit(points=points, rows=(), result=None)
@@ -69,19 +69,19 @@ def audit(steps: Iterable[Step] | None = None, meta: Meta | None = None) -> Pape
 
 
 def k_minus_one_percent(coefficients: tuple[float, ...], argument: float) -> float:
-    """100·(k − 1) of a factor in its argument: ω² for k(ω), T for k(T)."""
+    """Return 100·(k − 1) of a factor at its argument: ω² for k(ω), T for k(T)."""
     return 100 * (float(factor(coefficients, np.array([argument]))[0]) - 1)
 
 
 def indicated(rate_dps: FloatArray) -> FloatArray:
-    """The x with x·k1(x) = ω: what the gyro indicates at a true rate by the paper's stage-1 polynomial."""
+    """Return the x with x·k1(x) = ω: the gyro's indication at a true rate by the paper's stage-1 polynomial."""
     return np.array(
         [brentq(lambda x, w=w: x * factor(K_OMEGA_1, np.array([x * x]))[0] - w, -1e3, 1e3) for w in rate_dps]
     )
 
 
 def implied_sine(range_dps: float = SINE_RANGE_DPS) -> tuple[float, float]:
-    """S [rad/(°/s)] whose inverse sine the printed k1(ω) fits best over |x| ≤ range, and the misfit, percent."""
+    """Return S [rad/(°/s)] whose inverse sine best fits the printed k1(ω) for |x| ≤ range, and the misfit, percent."""
     x = np.linspace(1.0, range_dps, 400)
     printed = factor(K_OMEGA_1, x**2)
 
@@ -164,7 +164,7 @@ def _room_temperature() -> PaperPoint:
 def _second_stage() -> PaperPoint:
     rate = k_minus_one_percent(K_OMEGA_2, 150.0**2)
     hot = k_minus_one_percent(K_T_2, 85.0)
-    # At room temperature k2(T) is part of K0: relative to it.
+    # At room temperature k2(T) is part of K0, so the error is relative to it.
     room = rate
     both = 100 * ((1 + rate / 100) * (1 + hot / 100) - 1)
     return PaperPoint(
@@ -180,7 +180,7 @@ def _second_stage() -> PaperPoint:
 
 
 def _table(result: CalibrationResult) -> tuple[PaperRow, ...]:
-    """Compare the paper's numbers with those of the redone experiment."""
+    """Compare the paper's numbers with those of the repeated experiment."""
     first = result.stages[0]
     second = result.stages[1] if len(result.stages) > 1 else None
 

@@ -1,9 +1,9 @@
-"""What a calibration found: the frozen records that `coefficients.json` and the report are written from.
+"""The results of a calibration: frozen records from which `coefficients.json` and the report are written.
 
-Rates in °/s, volts, °C, seconds. Rates are *sensed* rates: the table's plus the vertical part of the Earth's where the
-latitude is known. Mappings by level have those that were reached, in the order in which the error goes down: `raw`
-(one straight line), `stage_1`, `stage_2`, `joint_LAW` for each law that was fitted, and `joint`, the law that the
-fitted runs prefer.
+Rates in °/s, volts, °C, seconds. Rates are *sensed* rates: the table's plus the vertical part of the Earth's if the
+latitude is known. Mappings by level contain the levels that were reached, in order of decreasing error: `raw` (one
+straight line), `stage_1`, `stage_2`, `joint_LAW` for each law that was fitted, and `joint`, the law that the fitted
+runs prefer.
 """
 
 from __future__ import annotations
@@ -23,12 +23,11 @@ from benchctl_instruments.errors import UsageError
 class CalibrationOptions:
     """Options of a calibration; the defaults are the paper's orders.
 
-    `orders_1` and `orders_2` are those of k(T) and k(ω) in the two stages, `bias_order` that of U0(T). `T0_c` None
-    takes the recording's own (`simulation.T0_c`), or the set point at which the fastest rates were run, of several the
-    one nearest to 20 °C. `law` chooses
-    the joint fit: `auto` fits sine and polynomial and prefers what the fitted runs prefer. `choose_orders` picks the
-    joint polynomial's orders by cross-validation over complete runs. `hold_out`: where no run is marked `verify`, keep
-    some aside. `discovered` is taken off the output first.
+    `orders_1` and `orders_2` are those of k(T) and k(ω) in the two stages, `bias_order` that of U0(T). With `T0_c` None
+    the recording's own (`simulation.T0_c`) is used, or the set point of the fastest rates, of several the one nearest
+    to 20 °C. `law` selects the joint fit: `auto` fits sine and polynomial and prefers the law that the fitted runs
+    prefer. `choose_orders` selects the joint polynomial's orders by cross-validation over complete runs. `hold_out`: if
+    no run is marked `verify`, hold some out. `discovered` is subtracted from the output first.
     """
 
     T0_c: float | None = None
@@ -59,7 +58,7 @@ Argument = Literal["indicated", "true"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contribution:
-    """One contributor to an uncertainty: a standard uncertainty (k = 1) in the parameter's own unit, and its ground.
+    """One contribution to an uncertainty: a standard uncertainty (k = 1) in the parameter's unit, and its reason.
 
     `dof` are its degrees of freedom, infinite for type B unless stated otherwise.
     """
@@ -72,13 +71,13 @@ class Contribution:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parameter:
+class FittedParameter:
     """An estimated parameter.
 
-    `standard` is the standard uncertainty by the scatter of the data (type A, k = 1) and `ci95` its interval: what a
-    repetition on the same bench would show. `expanded` adds what it would not show, listed in `budget`. It holds at
-    95.45 %: `k` times the combined standard uncertainty, where `k` follows from the effective degrees of freedom `dof`
-    (2 where they are infinite), and never less than type A alone has at that level.
+    `standard` is the standard uncertainty from the scatter of the data (type A, k = 1) and `ci95` its interval: the
+    scatter of repetitions on the same bench. `expanded` includes the contributions that repetitions do not show, listed
+    in `budget`. Its level is 95.45 %: `k` times the combined standard uncertainty, where `k` follows from the effective
+    degrees of freedom `dof` (2 if they are infinite), and never less than that of type A alone at that level.
     """
 
     name: str
@@ -95,7 +94,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StraightLine:
-    """What an uncalibrated gyro would be read with: U = U0 + K0·ω, fitted at T0 over |ω| ≤ `rate_limit_dps`."""
+    """The line for reading an uncalibrated gyro: U = U0 + K0·ω, fitted at T0 over |ω| ≤ `rate_limit_dps`."""
 
     K0_v_per_dps: float
     U0_v: float
@@ -117,7 +116,7 @@ class PolynomialFactor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeforeAfter:
-    """An error before and after a stage, percent; None where no run was kept aside."""
+    """An error before and after a stage, percent; None if no run was held out."""
 
     before: float | None
     after: float | None
@@ -125,10 +124,10 @@ class BeforeAfter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
-    """How much of a stage's improvement one of its parts brought: `share` of the drop in squared residuals, 0 to 1.
+    """The contribution of one part to a stage's improvement: `share` of the drop in squared residuals, 0 to 1.
 
     The parts are not orthogonal: the share is the mean over all orders in which they may enter (Shapley), so that they
-    add up to 1. `alone` is the drop that this part would have brought by itself.
+    add up to 1. `alone` is the drop with this part only.
     """
 
     part: str
@@ -140,8 +139,8 @@ class Share:
 class Stage:
     """One stage of the two-stage calibration, convention `correction`, argument `indicated`.
 
-    With x = (U − U0 − Σ U0_T·ΔT^i)/K0 the stage's input rate is x (stage 1) or what the stage before gave, and its
-    output that times k_T(ΔT)·k_ω(input). `u0_t` are the coefficients of ΔT, ΔT², … of the bias, V/°C^i.
+    The input rate of stage 1 is x = (U − U0 − Σ U0_T·ΔT^i)/K0, that of stage 2 the output of stage 1; the output of a
+    stage is its input times k_T(ΔT)·k_ω(input). `u0_t` are the coefficients of ΔT, ΔT², … of the bias, V/°C^i.
     """
 
     name: str
@@ -152,9 +151,9 @@ class Stage:
     u0_t: tuple[float, ...]
     delay_s: float
     standard: Mapping[str, float] = field(default_factory=dict)
-    """Standard uncertainties (k = 1) of `K0_v_per_dps`, `U0_v`, `delay_s` where the stage fits them."""
+    """Standard uncertainties (k = 1) of `K0_v_per_dps`, `U0_v`, `delay_s` if the stage fits them."""
     dof: Mapping[str, float] = field(default_factory=dict)
-    """Their degrees of freedom."""
+    """Degrees of freedom of these uncertainties."""
     error_percent: BeforeAfter
     rms_percent: BeforeAfter
     shares: tuple[Share, ...] = ()
@@ -163,10 +162,10 @@ class Stage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """The noise that the joint fit found in the data.
+    """The noise estimated by the joint fit.
 
-    `white_v` is the deviation of one sample, V, within steps; `random_walk_v_per_sqrt_s` that of the bias across steps;
-    `mean_excess` by how much the means of steps scatter beyond what their samples and the walk say (1 is ideal).
+    `white_v` is the standard deviation of one sample, V, within steps; `random_walk_v_per_sqrt_s` that of the bias
+    across steps; `mean_excess` is the factor on the expected scatter of the means of steps (1 is ideal).
     """
 
     white_v: float
@@ -187,19 +186,19 @@ class JointFit:
     law: str
     convention: Convention
     argument: Argument
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[FittedParameter, ...]
     covariance: FloatArray
     noise: Noise
     rows: int
     bic: float
-    """Badness for choosing between laws on the fitted runs: χ² + p·ln(rows); lower is better."""
+    """Criterion for the choice between laws on the fitted runs: χ² + p·ln(rows); lower is better."""
 
     def value(self, name: str) -> float:
-        """The value of a parameter; `KeyError` where the law has none of this name."""
+        """Return the value of a parameter; raise `KeyError` if the law has none of this name."""
         return self.parameter(name).value
 
-    def parameter(self, name: str) -> Parameter:
-        """A parameter by name."""
+    def parameter(self, name: str) -> FittedParameter:
+        """Return a parameter by name."""
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
@@ -208,7 +207,7 @@ class JointFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunErrors:
-    """What is left of one run, per level: largest and rms residual rate over the run's largest rate, percent."""
+    """The errors of one run, per level: largest and rms residual rate over the run's largest rate, percent."""
 
     step: int
     name: str
@@ -222,10 +221,10 @@ class RunErrors:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Residuals:
-    """Block means of every run with motion or at rest, fitted or kept aside; all arrays of shape (n,).
+    """Block means of every run with motion or at rest, fitted or held out; all arrays of shape (n,).
 
     `residual_dps` has one array per level: compensated minus true rate, both averaged over the same block of at most
-    `block_s` seconds, with the fitted delay where the level has one.
+    `block_s` seconds, with the fitted delay if the level has one.
     """
 
     step: IntArray
@@ -269,7 +268,7 @@ class TemperaturePoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValidRange:
-    """Where the coefficients were measured: outside it they are an extrapolation."""
+    """The range in which the coefficients were measured; outside it they are an extrapolation."""
 
     rate_dps: tuple[float, float]
     temperature_c: tuple[float, float]
@@ -277,7 +276,7 @@ class ValidRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmootherFacts:
-    """How the encoder's rate was made: widest window, largest attenuation in the motion band, noise of one value."""
+    """The encoder's rate: widest window, largest attenuation in the motion band, noise of one value."""
 
     window_s: float
     attenuation: float
@@ -287,11 +286,11 @@ class SmootherFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationResult:
-    """Everything that a calibration found.
+    """The complete result of a calibration.
 
-    `stages` holds stage 1 and, where there are runs in motion, stage 2. `joint` holds the joint fits, the preferred law
-    first. `error_percent` and `rms_percent` are the largest over the runs that were kept aside, per level, empty where
-    there are none. `warnings` say in plain words what could not be done, and `notes` what was done.
+    `stages` holds stage 1 and, if there are runs in motion, stage 2. `joint` holds the joint fits, the preferred law
+    first. `error_percent` and `rms_percent` are the largest over the held-out runs, per level, empty if there are none.
+    `warnings` state what could not be done, and `notes` what was done.
     """
 
     unit: str
@@ -312,9 +311,9 @@ class CalibrationResult:
     valid: ValidRange
     smoother: SmootherFacts | None
     free_motion: FreeMotionFit | None = None
-    """Fit in angle of the longest run in free motion (no stated frequency), where there is one."""
+    """Fit in angle of the longest run in free motion (no stated frequency), if there is one."""
     discovered: Discovered = field(default_factory=Discovered)
-    """What was taken off the output first; all that is said here is of the rest."""
+    """What was subtracted from the output first; all results refer to the remaining output."""
     samples: int
     samples_masked: int
     warnings: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Block means of many steps as flat arrays: what fits work on."""
+"""Block means of many steps as flat arrays, the input of fits."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from benchctl_instruments.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
-    """Blocks of several steps one after the other; arrays of shape (n,), `encoder_basis` (n, 4).
+    """Consecutive blocks of several steps; arrays of shape (n,), `encoder_basis` (n, 4).
 
-    `step` counts the steps of these rows from 0 and `start`, shape (m,), is where each begins; `dt_c` is T − T0, 0
-    where no thermistor was recorded. `expanded_at_s` is the delay at which each row's rate is given.
+    `step` is the index of the step from 0 and `start`, shape (m,), the first row of each step; `dt_c` is T − T0, 0 if
+    no thermistor was recorded. `expanded_at_s` is the delay for which each row's rate is given.
     """
 
     step: IntArray
@@ -35,13 +35,13 @@ class Rows:
 
     @property
     def steps(self) -> int:
-        """How many steps these rows come from."""
+        """Number of steps of these rows."""
         return int(self.start.size)
 
     def true_rate(self, delay_s: float) -> FloatArray:
-        """The table's rate `delay_s` before each block, °/s, (n,); exact at 0, expanded about the steps' own delays.
+        """Return the table's rate `delay_s` before each block, °/s, (n,); exact at 0, else expanded about its delay.
 
-        (An expansion about a coarse encoder's third derivative must not be carried far.)
+        (An expansion with a coarse encoder's third derivative must not be used far from its centre.)
         """
         if delay_s == 0.0:
             return self.rate_at_stamp_dps
@@ -50,12 +50,12 @@ class Rows:
 
     @property
     def likely_delay_s(self) -> float:
-        """Median of the delays about which the moving rows are expanded; 0 where nothing moves."""
+        """Median of the delays about which the moving rows are expanded; 0 if nothing moves."""
         moving = self.acceleration_dps2 != 0.0
         return float(np.median(self.expanded_at_s[moving])) if moving.any() else 0.0
 
     def means(self, values: FloatArray) -> FloatArray:
-        """Means over each step, weighted by the samples; (n,) or (n, p) to (m,) or (m, p)."""
+        """Return means over each step, weighted by the samples; (n,) or (n, p) to (m,) or (m, p)."""
         weight = self.count if values.ndim == 1 else self.count[:, None]
         total = np.add.reduceat(self.count, self.start)
         summed = np.add.reduceat(values * weight, self.start, axis=0)
@@ -64,7 +64,7 @@ class Rows:
 
 
 def gather(steps: Sequence[ReducedStep], T0_c: float) -> Rows:
-    """Lay the blocks of some steps, at least one, one after the other."""
+    """Concatenate the blocks of some steps, at least one."""
     sizes = np.array([step.count.size for step in steps], dtype=np.int64)
 
     def column(name: str) -> FloatArray:

@@ -1,8 +1,8 @@
 """Stage 1 of the paper: constant rates at T0 give K0 and k(ω), slopes at every temperature give k(T), rest gives U0(T).
 
-Convention `correction`, argument `indicated` (facts: the paper's k grows with ω while an interferometer falls short).
-K0 is the slope over |ω| ≤ 40 °/s, at T0; k(T) is 1 at T0 by construction; every temperature's slope is over |ω| ≤ 50
-°/s, so that the curvature cancels where all temperatures have the same rates.
+Convention `correction`, argument `indicated` (facts: the paper's k grows with ω while an interferometer's output falls
+short). K0 is the slope over |ω| ≤ 40 °/s, at T0; k(T) is 1 at T0 by construction; every temperature's slope is over
+|ω| ≤ 50 °/s, so that the curvature cancels if all temperatures have the same rates.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ _CURVED_FROM_DPS = 60.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageOne:
-    """What stage 1 found; `u0_t` are the coefficients of the bias over ΔT, V/°C^i.
+    """The result of stage 1; `u0_t` are the coefficients of the bias over ΔT, V/°C^i.
 
-    Standard uncertainties of K0 and U0 come with their degrees of freedom.
+    Standard uncertainties of K0 and U0 have their degrees of freedom.
     """
 
     line: StraightLine
@@ -48,7 +48,7 @@ class StageOne:
 
 
 def mean_points(steps: Sequence[ReducedStep], verify: frozenset[tuple[int, int]]) -> MeanPoints:
-    """Means of the steps at rest and at constant rate, in time order."""
+    """Return the means of the steps at rest and at constant rate, in time order."""
     quiet = [step for step in steps if step.kind in ("static", "constant_rate")]
 
     def mean(step: ReducedStep, values: FloatArray) -> float:
@@ -72,7 +72,7 @@ def mean_points(steps: Sequence[ReducedStep], verify: frozenset[tuple[int, int]]
 
 
 def group_by_temperature(temperature_c: FloatArray) -> list[IntArray]:
-    """Indices of points that lie within `SAME_TEMPERATURE_C` of their neighbours, coldest group first."""
+    """Return the indices of points within `SAME_TEMPERATURE_C` of their neighbours, coldest group first."""
     if not np.all(np.isfinite(temperature_c)):
         return [np.arange(temperature_c.size)]
     order = np.argsort(temperature_c, kind="stable")
@@ -83,9 +83,9 @@ def group_by_temperature(temperature_c: FloatArray) -> list[IntArray]:
 def stage_one(
     points: MeanPoints, T0_c: float, earth_rate_dps: float, orders: tuple[int, int, int] = (2, 2, 2)
 ) -> StageOne:
-    """Fit stage 1 to the points that were not kept aside; `orders` of k(T), k(ω) and the bias over temperature.
+    """Fit stage 1 to the points that are not held out; `orders` of k(T), k(ω) and the bias over temperature.
 
-    Raises `UsageError` where no two rates differ at any temperature: nothing can be fitted without motion.
+    Raises `UsageError` if no temperature has two different rates: nothing can be fitted without motion.
     """
     use = np.flatnonzero(~points.verify)
     warnings: list[str] = []
@@ -140,7 +140,7 @@ def stage_one(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Line:
-    """A straight line through the slow points of one temperature; `dof` is 0 where the standards are not known."""
+    """A straight line through the slow points of one temperature; `dof` is 0 if the uncertainties are not known."""
 
     slope: float
     slope_standard: float
@@ -151,10 +151,10 @@ class _Line:
 
 
 def line_in_motion(rows: Rows, earth_rate_dps: float) -> StageOne:
-    """Replace stage 1 where there are no constant rates: a line through the runs in motion, no terms.
+    """Replace stage 1 if there are no constant rates: a line through the runs in motion, without terms.
 
-    The line is over |ω| ≤ 40 °/s where the motion passes there, regressed together with the acceleration, so that a
-    delay does not tilt it.
+    The line is over |ω| ≤ 40 °/s if the motion includes that range. The acceleration is a second regressor, so that a
+    delay does not change the slope.
     """
     slow = np.abs(rows.rate_dps) <= max(K0_LIMIT_DPS, 0.25 * float(np.max(np.abs(rows.rate_dps))))
     rate = rows.true_rate(0.0)[slow] + earth_rate_dps
@@ -182,9 +182,9 @@ def line_in_motion(rows: Rows, earth_rate_dps: float) -> StageOne:
 
 
 def _slope(points: MeanPoints, group: IntArray, earth: float, limit: float) -> _Line | None:
-    """Line over |ω| ≤ limit, less the drift between the readings at rest; over the slowest two rates at least.
+    """Return the line over |ω| ≤ limit, minus the drift between readings at rest; over at least the slowest two rates.
 
-    None where all rates are one.
+    None if all rates are equal.
     """
     rate = points.rate_dps[group]
     if np.ptp(rate) < 1.0:
@@ -195,7 +195,7 @@ def _slope(points: MeanPoints, group: IntArray, earth: float, limit: float) -> _
     sensed = rate[slow] + earth
     columns = np.stack([np.ones(sensed.size), sensed], axis=1)
     fit = fit_linear(columns, output[slow])
-    # The drift runs through every reading at rest: all but one of them say nothing of the scatter.
+    # The drift passes through every reading at rest, so all but one of them give no information on the scatter.
     at_rest = int(np.sum(np.abs(rate[slow]) < 0.5))
     freedom = sensed.size - 2 - max(at_rest - 1, 0)
     standard = np.full(2, np.nan)
@@ -213,7 +213,7 @@ def _slope(points: MeanPoints, group: IntArray, earth: float, limit: float) -> _
 
 
 def _share_of_scatter(columns: FloatArray, output: FloatArray, residual: FloatArray) -> float:
-    """How much of the misfit of a line is scatter: what also a cubic leaves. The law's curvature is no scatter."""
+    """Return the share of a line's misfit that a cubic leaves, too; the law's curvature does not count as scatter."""
     rates = np.unique(np.round(columns[:, 1], 1)).size
     freedom = output.size - 3
     if rates < 5 or freedom < 1:
@@ -224,7 +224,7 @@ def _share_of_scatter(columns: FloatArray, output: FloatArray, residual: FloatAr
 
 
 def _drift(points: MeanPoints, group: IntArray) -> FloatArray:
-    """How far the bias had moved at each point, V: interpolated between the readings at rest, 0 on average."""
+    """Return the drift of the bias at each point, V: interpolated between the readings at rest, 0 on average."""
     rest = group[np.abs(points.rate_dps[group]) < 0.5]
     if rest.size < 2:
         return np.zeros(group.size)
@@ -237,13 +237,13 @@ def _powers(order: int) -> tuple[str, ...]:
 
 
 def _k_of_temperature(dt: FloatArray, lines: list[_Line], order: int, warnings: list[str]) -> PolynomialFactor:
-    """k(T) from the reciprocal slopes, 1 at T0."""
+    """Return k(T) from the reciprocal slopes, 1 at T0."""
     order = _supported(dt, order, "k(T)", warnings)
     columns, reciprocal = dt[:, None] ** np.arange(order + 1), np.array([1.0 / line.slope for line in lines])
     fit = fit_linear(columns, reciprocal)
     centre, covariance, dof = fit.coefficients[0], fit.covariance, fit.dof
     if dof == 0:
-        # The curve runs through every temperature: what is known of it is how well each slope is.
+        # The curve passes through every temperature: its uncertainty is that of each slope.
         weights = np.linalg.inv(columns) * (reciprocal**2 * np.array([line.slope_standard for line in lines]))
         covariance, dof = weights @ weights.T, min(line.dof for line in lines)
     # c_i = a_i/a_0, to first order in the errors
@@ -254,7 +254,7 @@ def _k_of_temperature(dt: FloatArray, lines: list[_Line], order: int, warnings: 
 def _bias(
     dt: FloatArray, lines: list[_Line], order: int, warnings: list[str]
 ) -> tuple[float, float, int, tuple[float, ...]]:
-    """Bias at T0, its standard uncertainty with its degrees of freedom, and its coefficients over ΔT."""
+    """Return the bias at T0, its standard uncertainty with its degrees of freedom, and its coefficients over ΔT."""
     order = _supported(dt, order, "U0(T)", warnings)
     fit = fit_linear(dt[:, None] ** np.arange(order + 1), np.array([line.bias for line in lines]))
     room = lines[int(np.argmin(np.abs(dt)))]
@@ -263,7 +263,7 @@ def _bias(
 
 
 def _supported(dt: FloatArray, order: int, what: str, warnings: list[str]) -> int:
-    """The order that the number of temperatures supports, with a sentence where it is less than requested."""
+    """Return the order that the number of temperatures supports; add a warning if it is less than requested."""
     possible = min(order, dt.size - 1)
     if possible < order:
         temperatures = "one temperature" if dt.size == 1 else f"{dt.size} temperatures"
@@ -281,7 +281,7 @@ def _k_of_rate(
     order: int,
     warnings: list[str],
 ) -> PolynomialFactor:
-    """k(ω) by least squares of ω − x·(1 + b2x² + b4x⁴), in the rate so that slow points do not weigh too much."""
+    """Return k(ω) by least squares of ω − x·(1 + b2x² + b4x⁴), in rates so that slow points do not weigh too much."""
     rate = points.rate_dps[group] + earth
     x = (points.output_v[group] - _drift(points, group) - offset) / gain
     fast = np.unique(np.round(np.abs(rate[np.abs(rate) > SLOPE_LIMIT_DPS]), 0)).size
@@ -319,8 +319,8 @@ _TERMS_IN_MOTION = 8
 class Carries:
     """`rate_terms`: terms in ω, in addition to scale factor and bias, that one temperature's rates identify.
 
-    `scale_temperatures`: temperatures with two rates or a motion, which tell a scale factor; `bias_temperatures`: those
-    that tell a bias, by the same or by rest.
+    `scale_temperatures`: temperatures with two rates or a motion, which determine a scale factor; `bias_temperatures`:
+    those that determine a bias, by the same or by rest.
     """
 
     rate_terms: int
@@ -329,7 +329,7 @@ class Carries:
 
 
 def what_it_carries(steps: Sequence[ReducedStep]) -> Carries:
-    """Count what these runs can tell; a motion passes through as many rates as any law has terms."""
+    """Count what these runs determine; a motion passes through as many rates as any law has terms."""
     rate_terms, scales, biases = 0, 0, 0
     for group in group_by_temperature(np.array([step.mean_temperature_c for step in steps])):
         own = [steps[i] for i in group]

@@ -1,7 +1,7 @@
-"""Stage 2 of the paper: what stage 1 leaves in motion, against the encoder's rate.
+"""Stage 2 of the paper: fit the residual of stage 1 in motion, relative to the encoder's rate.
 
 The residual ratio is fitted by k(T)·k(ω̂₁) of lower order *together with* K0, U0 and the delay: the polynomials alone
-cannot take 3–4 % to 0.7 % (`benchctl paper`, point 5), so each one's share of the improvement is reported.
+cannot reduce 3–4 % to 0.7 % (`benchctl paper`, point 5), so each one's share of the improvement is reported.
 
 Rates at every level of compensation, from volts and temperature, are computed here as well.
 """
@@ -22,16 +22,16 @@ from benchctl.estimation.linear import clustered_covariance
 from benchctl_instruments.arrays import FloatArray
 
 Compensator = Callable[[FloatArray, FloatArray], FloatArray]
-"""Output [V] and T − T0 [°C], of one shape, to the sensed rate [°/s]."""
+"""Maps output [V] and T − T0 [°C], of one shape, to the sensed rate [°/s]."""
 
 
 def by_line(line: StraightLine) -> Compensator:
-    """One straight line."""
+    """Return the compensation by one straight line."""
     return lambda volts, dt_c: (volts - line.U0_v) / line.K0_v_per_dps
 
 
 def by_stages(stages: Sequence[Stage]) -> Compensator:
-    """The two-stage correction: the last stage's K0 and U0, then every stage's factors, each of that stage's input."""
+    """Return the two-stage correction: the last stage's K0 and U0, then every stage's factors of that stage's input."""
 
     def compensate(volts: FloatArray, dt_c: FloatArray) -> FloatArray:
         last = stages[-1]
@@ -44,12 +44,12 @@ def by_stages(stages: Sequence[Stage]) -> Compensator:
 
 
 def by_law(law: Law, parameters: FloatArray, U0_v: float, u0_t: Sequence[float]) -> Compensator:
-    """A law of the joint fit; `parameters` are the law's own, in its order."""
+    """Return the compensation by a law of the joint fit; `parameters` are the law's, in its order."""
     return lambda volts, dt_c: law.rate(parameters, volts - U0_v - bias(u0_t, dt_c), dt_c)
 
 
 def mean_rate(compensate: Compensator, rows: Rows) -> FloatArray:
-    """Mean over each block of the compensated rate, °/s: the law curves the motion within the block, too."""
+    """Return the mean of the compensated rate over each block, °/s, including the law's curvature within the block."""
     nudge = np.maximum(1e-5, 1e-4 * np.abs(rows.output_v))
     up, down = compensate(rows.output_v + nudge, rows.dt_c), compensate(rows.output_v - nudge, rows.dt_c)
     slope = (up - down) / (2 * nudge)
@@ -65,7 +65,7 @@ _NOT_MEASURED = BeforeAfter(before=None, after=None)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Layout:
-    """Where each part lies in the vector of parameters: K0 (relative), U0, delay, then k(T) and k(ω)."""
+    """The place of each part in the vector of parameters: K0 (relative), U0, delay, then k(T) and k(ω)."""
 
     temperature_terms: int
     rate_terms: int
@@ -84,14 +84,14 @@ class _Layout:
 
     @property
     def nudges(self) -> FloatArray:
-        """Steps for the derivatives, each worth some 0.01 °/s."""
+        """Steps for the derivatives, each equivalent to about 0.01 °/s."""
         temperature = [1e-4 * 30.0**-i for i in range(1, self.temperature_terms + 1)]
         rate = [1e-4 * 100.0 ** -(2 * i) for i in range(1, self.rate_terms + 1)]
         return np.array([1e-4, 1e-6, 1e-6, *temperature, *rate])
 
 
 def stage_two(first: Stage, rows: Rows, earth_rate_dps: float, orders: tuple[int, int] = (1, 1)) -> Stage:
-    """Fit stage 2 to the blocks of the runs in motion; `orders` of k(T) and k(ω), fewer where unsupported."""
+    """Fit stage 2 to the blocks of the runs in motion; `orders` of k(T) and k(ω), lower if not supported."""
     temperatures = rows.means(rows.dt_c)
     distinct = 1 + int(np.sum(np.diff(np.sort(temperatures)) > 2.0))
     fast = float(np.max(np.abs(rows.rate_dps))) >= _CURVED_FROM_DPS
@@ -125,7 +125,7 @@ def stage_two(first: Stage, rows: Rows, earth_rate_dps: float, orders: tuple[int
 def _stage(
     first: Stage, layout: _Layout, parameters: FloatArray, covariance: FloatArray | None = None, dof: int = 0
 ) -> Stage:
-    """The stage that a vector of parameters means."""
+    """Return the stage with these parameters."""
     parts = layout.parts
 
     def polynomial(name: str, basis: Sequence[str]) -> PolynomialFactor:
@@ -154,7 +154,7 @@ def _stage(
 def _residual_and_slopes(
     first: Stage, layout: _Layout, parameters: FloatArray, rows: Rows, earth: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Compensated less true rate of each block (n,), and its derivatives (n, p)."""
+    """Return compensated minus true rate of each block (n,), and its derivatives (n, p)."""
 
     def residual(at: FloatArray) -> FloatArray:
         stage = _stage(first, layout, at)
@@ -169,7 +169,7 @@ def _residual_and_slopes(
 
 
 def _secant(slopes: FloatArray, rows: Rows, delay_s: float) -> FloatArray:
-    """The slopes with that of the delay taken over all of it, from none to what was found."""
+    """Return the slopes, that of the delay as a secant from zero to the fitted delay."""
     if delay_s == 0.0:
         return slopes
     full = slopes.copy()
@@ -183,7 +183,7 @@ def _solve(slopes: FloatArray, residual: FloatArray) -> FloatArray:
 
 
 def _shares(slopes: FloatArray, residual: FloatArray, parts: dict[str, list[int]]) -> tuple[Share, ...]:
-    """Shapley shares of the drop in squared residuals, of the linearised problem (Lindeman, Merenda, Gold 1980)."""
+    """Return Shapley shares of the drop in squared residuals, linearised (Lindeman, Merenda, Gold 1980)."""
     scale = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
     gram = (slopes / scale).T @ (slopes / scale)
     moment = (slopes / scale).T @ residual

@@ -1,9 +1,9 @@
-"""Straight line against sine law on a table of static points: what one can say without an encoder.
+"""Straight line and sine law on a table of static points: what can be determined without an encoder.
 
 The points are means at commanded rates. Misfits are root mean squares of the residual rate, in °/s and in percent of
-full scale (the largest rate that is fitted). The intervals are by the scatter about the sine. The point at rest may be
-under another influence than the rotating ones (slip rings, cables), so every fit is done with and without it. Rates at
-which the output has left the law (its limit, an overload) are found from the smaller ones and are not fitted.
+full scale (the largest rate that is fitted). The intervals follow from the scatter about the sine. The point at rest
+may be under other influences than the rotating ones (slip rings, cables), so every fit is done with and without it.
+Rates at which the output has left the law (its limit, an overload) are detected from the smaller ones and not fitted.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError, in_line
 
 FEWEST_RATES = 5
-"""So many rates other than rest tell a line from a sine."""
+"""Minimum number of rates other than rest that distinguish a line from a sine."""
 RESTING_DPS = 1e-3
 _PARAMETERS = 3
 _START_S = 3e-3
 _ROUNDING = 1e-9
 _CHANCE, _LEAVES, _MOST = 1e-6, 3.0, 0.75
-"""A rate has left the law where its output lies further off than chance does once in a million, by the scatter of the
-points at smaller rates, and three times as far as the worst of these; the law ends where most larger rates have."""
+"""An output has left the law if its distance has a probability below one in a million, from the scatter of the points
+at smaller rates, and is three times the largest of theirs; the law ends where most larger rates have left it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Misfit:
-    """Root mean square and largest residual of a law: °/s, and rms in percent of the largest rate."""
+    """Root mean square and largest residual of a law, in °/s and in percent of the largest rate."""
 
     rms_dps: float
     largest_dps: float
@@ -42,9 +42,9 @@ class Misfit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointsFit:
-    """Line U = U0 + K0·ω and sine U = U0 + (K0/S)·sin(S·ω) on the same points; 95 % intervals of the sine's.
+    """Line U = U0 + K0·ω and sine U = U0 + (K0/S)·sin(S·ω) on the same points; 95 % intervals are those of the sine.
 
-    `residual_line_dps` and `residual_sine_dps` are of all points, those left out too, shape (n,).
+    `residual_line_dps` and `residual_sine_dps` are those of all points, including points left out, shape (n,).
     """
 
     points: int
@@ -68,21 +68,21 @@ class PointsFit:
         return self.points - _PARAMETERS
 
     def output_v(self, rate_dps: FloatArray) -> FloatArray:
-        """The sine's output [V] at rates [deg/s], both of shape (n,)."""
+        """Return the sine's output [V] at rates [deg/s], both of shape (n,)."""
         return _sine(np.array([self.K0_v_per_dps, self.U0_v, self.S_rad_per_dps]), rate_dps)
 
     def expanded(self, ci95: tuple[float, float]) -> float:
-        """The expanded uncertainty (95.45 %) that goes with a 95 % interval of this fit."""
+        """Return the expanded uncertainty (95.45 %) that corresponds to a 95 % interval of this fit."""
         return 0.5 * (ci95[1] - ci95[0]) * coverage_factor(self.dof) / coverage_factor(self.dof, 0.95)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticPointsResult:
-    """Fits of the rotating points alone (`rotating`) and with rest (`all_points`), and what the points at rest do.
+    """Fits of the rotating points alone (`rotating`) and with rest (`all_points`), and the effect of points at rest.
 
-    `rest_offset_v` is the mean of the points at rest less the sine through the rotating ones at zero rate,
-    `rest_offset_dps` the same as a rate; `rest_std_v` and `rotating_std_v` the mean standard deviations stated with the
-    points, NaN where none are. Without points at rest the offsets are NaN and `all_points` equals `rotating`.
+    `rest_offset_v` is the mean of the points at rest minus the sine through the rotating ones at zero rate,
+    `rest_offset_dps` the same as a rate; `rest_std_v` and `rotating_std_v` are the mean standard deviations stated with
+    the points, NaN if none are. Without points at rest the offsets are NaN and `all_points` equals `rotating`.
     Both are fits of the points up to `follows_to_dps`; `beyond` points at larger rates have left the law.
     """
 
@@ -99,7 +99,7 @@ class StaticPointsResult:
 
 
 def fit_static_points(rate_dps: FloatArray, mean_v: FloatArray, std_v: FloatArray | None = None) -> StaticPointsResult:
-    """Fit both laws to points of shape (n,). Raises `UsageError` where there are too few rates."""
+    """Fit both laws to points of shape (n,). Raises `UsageError` if there are too few rates."""
     if rate_dps.size != mean_v.size or not (np.all(np.isfinite(rate_dps)) and np.all(np.isfinite(mean_v))):
         raise UsageError(
             f"static points: expected as many finite outputs as rates, got {mean_v.size} and {rate_dps.size}; "
@@ -119,9 +119,9 @@ def fit_static_points(rate_dps: FloatArray, mean_v: FloatArray, std_v: FloatArra
     offset = float(np.mean(mean_v[rest])) - alone.U0_v if rest.any() else float("nan")
     stds = np.full(rate_dps.shape, np.nan) if std_v is None else std_v
     rest_std = float(np.mean(stds[rest])) if rest.any() else float("nan")
-    says = "There is no point at rest."
+    summary = "There is no point at rest."
     if rest.any():
-        says = (
+        summary = (
             f"The {int(rest.sum())} points at rest lie {offset / alone.K0_v_per_dps:+.2f} °/s off the sine through the "
             f"rotating points; with them the sine's misfit is {together.sine.rms_dps:.3f} °/s instead of "
             f"{alone.sine.rms_dps:.3f} °/s, and S {together.S_rad_per_dps:.5f} instead of {alone.S_rad_per_dps:.5f} "
@@ -130,7 +130,7 @@ def fit_static_points(rate_dps: FloatArray, mean_v: FloatArray, std_v: FloatArra
     if not follows.all():
         law = np.array([alone.K0_v_per_dps, alone.U0_v, alone.S_rad_per_dps])
         away_v = mean_v[~follows] - _sine(law, rate_dps[~follows])
-        says += (
+        summary += (
             f" Beyond {follows_to_dps:g} °/s the output has left the law, by up to {float(np.abs(away_v).max()):.2g} V:"
             f" a limit, or an overload. The {int((~follows).sum())} points there are not fitted."
         )
@@ -144,14 +144,14 @@ def fit_static_points(rate_dps: FloatArray, mean_v: FloatArray, std_v: FloatArra
         rest_offset_dps=offset / alone.K0_v_per_dps,
         rest_std_v=rest_std,
         rotating_std_v=float(np.mean(stds[rotating])),
-        says=says,
+        says=summary,
     )
 
 
 def follows_to(rate: FloatArray, mean: FloatArray) -> float:
-    """The rate [°/s] beyond which points, shape (n,), lie off the sine through the others at most larger rates.
+    """Return the rate [°/s] above which points, shape (n,), are off the sine through the others at most larger rates.
 
-    The largest rate of all where they never do.
+    It is the largest rate of all if they never are.
     """
     size = np.abs(rate)
     levels = np.unique(size)
@@ -180,13 +180,13 @@ def _sine(parameters: FloatArray, at: FloatArray) -> FloatArray:
 
 
 def _slopes(parameters: FloatArray, at: FloatArray) -> FloatArray:
-    """Derivatives of the sine by K0, U0 and S, shape (n, 3)."""
+    """Return the derivatives of the sine by K0, U0 and S, shape (n, 3)."""
     K0, S = parameters[0], max(abs(parameters[2]), 1e-9)  # the limit of a straight line
     return np.column_stack([np.sin(S * at) / S, np.ones(at.size), K0 * (np.cos(S * at) * at - np.sin(S * at) / S) / S])
 
 
 def _sine_through(rate: FloatArray, mean: FloatArray) -> OptimizeResult:
-    """The sine by least squares: `x` are K0, U0 and S."""
+    """Fit the sine by least squares: `x` are K0, U0 and S."""
     slope, offset = np.polyfit(rate, mean, 1)
 
     def misfit(parameters: FloatArray) -> FloatArray:
@@ -202,7 +202,7 @@ def _sine_through(rate: FloatArray, mean: FloatArray) -> OptimizeResult:
 
 
 def _fit(rate: FloatArray, mean: FloatArray, use: BoolArray) -> PointsFit:
-    """Both laws through the points in use, residuals of all."""
+    """Fit both laws to the points in use; the residuals are those of all points."""
     x, y = rate[use], mean[use]
     slope, offset = np.polyfit(x, y, 1)
     found = _sine_through(x, y)
@@ -217,7 +217,7 @@ def _fit(rate: FloatArray, mean: FloatArray, use: BoolArray) -> PointsFit:
     covariance = np.linalg.inv(jacobian.T @ jacobian) * 2 * found.cost / freedom
     half = coverage_factor(freedom, 0.95) * np.sqrt(np.diag(covariance))
     indicated = (mean - U0) / K0
-    # Beyond the sine's reach the residual is taken along its slope at low rates.
+    # Beyond the sine's reach the residual is computed with its slope at low rates.
     residual_sine = np.where(
         np.abs(S * indicated) <= 1,
         np.arcsin(np.clip(S * indicated, -1, 1)) / S - rate,

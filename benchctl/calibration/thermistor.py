@@ -1,7 +1,7 @@
-"""The temperature of the gyro's coil, which follows its thermistor with a lag.
+"""The temperature of the gyro's coil, which lags behind its thermistor.
 
-The coil's temperature T_c obeys τ·dT_c/dt = T − T_c, T the thermistor's (domain facts, LAG). What counts is the
-thermistor's course before a step, so the soaks' polls belong to it.
+The coil's temperature T_c obeys τ·dT_c/dt = T − T_c, T the thermistor's (domain facts, LAG). The thermistor's history
+before a step matters, so the polls during soaks are included.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _SHORTEST_LAG_S = 60.0
 
 
 class ThermalHistory:
-    """The thermistor's course over a recording: it runs straight between polls, and along the line of each step.
+    """The thermistor over a recording: linear between polls, and along the line of each step.
 
-    `polls` and `lines` are pairs of times (n,), s, and temperatures (n,), °C. The coil is as warm as the thermistor
-    where polls begin. Where they do not, at the beginning and after a gap of more than 300 s, it is taken to have
-    followed the slope of the next minutes for a long time.
+    `polls` and `lines` are pairs of times (n,), s, and temperatures (n,), °C. Where polls begin, the coil is assumed to
+    have the thermistor's temperature. Otherwise, at the beginning and after a gap of more than 300 s, it is assumed to
+    have followed the slope of the next minutes for a long time.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class ThermalHistory:
         self._celsius, self._polled = celsius[known][first], polled[known][first]
 
     def behind(self, time_s: FloatArray, lag_s: float) -> FloatArray:
-        """Coil less thermistor, °C, at times (n,); below 60 s proportional to the lag, which may be negative."""
+        """Return coil minus thermistor, °C, at times (n,); below 60 s proportional to the lag (may be negative)."""
         if self._time_s.size < 2:
             return np.zeros(time_s.shape)
         if lag_s < _SHORTEST_LAG_S:
@@ -57,11 +57,11 @@ class ThermalHistory:
         return np.asarray(np.interp(time_s, self._time_s, behind))
 
     def coils(self, steps: Sequence[ReducedStep], lag_s: float) -> list[ReducedStep]:
-        """The steps with the temperatures of a coil that lags by so much in place of the thermistor's."""
+        """Return the steps with the temperatures of a coil with this lag instead of the thermistor's."""
         return [replace(one, temperature_c=one.temperature_c + self.behind(one.time_s, lag_s)) for one in steps]
 
     def _slope_from(self, first: int) -> float:
-        """The thermistor's slope, °C/s, in the minutes after a node with nothing before it; 0 where that is a poll."""
+        """Return the thermistor's slope, °C/s, in the minutes after a node without predecessor; 0 if that is a poll."""
         last = int(np.searchsorted(self._time_s, self._time_s[first] + _SLOPE_OVER_S[1], side="right")) - 1
         over_s = float(self._time_s[last] - self._time_s[first])
         if self._polled[first] or over_s < _SLOPE_OVER_S[0]:

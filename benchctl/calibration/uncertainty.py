@@ -14,12 +14,12 @@ from benchctl_instruments.arrays import FloatArray
 
 K = 2.0
 LEVEL = math.erf(K / math.sqrt(2.0))
-"""The level of every expanded uncertainty, 95.45 %: that of k = 2 where the degrees of freedom are infinite."""
+"""The level of every expanded uncertainty, 95.45 %: that of k = 2 for infinite degrees of freedom."""
 _FEWEST_DOF, _MOST_DOF = 1.0, 1e6
 
 
 def coverage_factor(dof: float, level: float = LEVEL) -> float:
-    """The quantile of Student's t for a level of confidence (GUM, G.3); not below 1 degree of freedom.
+    """Return the quantile of Student's t for a level of confidence (GUM, G.3), for at least 1 degree of freedom.
 
     >>> round(coverage_factor(math.inf), 2), round(coverage_factor(10), 2), round(coverage_factor(16, 0.99), 2)
     (2.0, 2.28, 2.92)
@@ -30,19 +30,19 @@ def coverage_factor(dof: float, level: float = LEVEL) -> float:
 
 
 def effective_dof(parts: Iterable[tuple[float, float]]) -> float:
-    """Effective degrees of freedom of a sum by Welch and Satterthwaite (GUM, G.4.1); infinite without any finite ones.
+    """Return the effective degrees of freedom of a sum by Welch and Satterthwaite (GUM, G.4.1); infinite if all are.
 
     `parts` are standard uncertainties in the unit of the result, each with its degrees of freedom.
     """
     known = [(standard, dof) for standard, dof in parts if standard > 0.0]
-    # In shares of the sum: fourth powers of small numbers would be zero.
+    # As shares of the sum: fourth powers of small numbers would be zero.
     total = math.hypot(*(standard for standard, _ in known))
     weighed = math.fsum((standard / total) ** 4 / dof for standard, dof in known)
     return 1.0 / weighed if weighed > 0.0 else math.inf
 
 
 def dof_of_factor(factor: float) -> float:
-    """The degrees of freedom whose coverage factor is this one; infinite for 2 and less."""
+    """Return the degrees of freedom with this coverage factor; infinite for 2 and less."""
     if factor <= coverage_factor(0.5 * _MOST_DOF):
         return math.inf
     if factor >= coverage_factor(_FEWEST_DOF):
@@ -72,7 +72,7 @@ class Mixture:
         return np.asarray(0.5 * (total + total.T))
 
     def interval(self, probability: float, freedom: float) -> tuple[FloatArray, FloatArray]:
-        """Central intervals of all parameters, (p,) each; every part is a t distribution of `freedom`."""
+        """Return central intervals of all parameters, (p,) each; every component is a t distribution of `freedom`."""
         deviation = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
         centre, width = self.mean, np.sqrt(np.diag(self.covariance))
 
@@ -92,9 +92,9 @@ class Mixture:
 
 
 def dof_of_mixture(weights: FloatArray, variances: Sequence[float]) -> float:
-    """The degrees of freedom of a variance that has one of several values, (k,) each, with these weights.
+    """Return the degrees of freedom of a variance that has one of several values, (k,) each, with these weights.
 
-    They give Student's t the coverage factor that the mixture of normal distributions has at 95.45 %.
+    They give Student's t the coverage factor of the mixture of normal distributions at 95.45 %.
     """
     of = np.maximum(np.asarray(variances), 1e-300)[:, None, None]
     mixture = Mixture(weights=weights, means=np.zeros((of.shape[0], 1)), covariances=of)

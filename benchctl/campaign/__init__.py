@@ -1,1 +1,1 @@
-"""Running a campaign: opening the bench, playing steps, watching limits, coming to rest whatever happens."""
+"""Run a campaign: open the bench, play its steps, watch the limits, and bring the bench to rest in any case."""

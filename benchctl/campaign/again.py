@@ -1,4 +1,4 @@
-"""What a recording says of how it was made, ready to be run again: its plan and its bench."""
+"""Read the plan and the bench of a recording, so that it can be run again."""
 
 from __future__ import annotations
 
@@ -20,21 +20,22 @@ CHOSEN_HERE = (
     "physics.encoder.eccentricity_phase_deg",
     "physics.encoder.ellipticity_phase_deg",
 )
-"""What `bench_again` sets of a simulated bench whose seed nobody names, by dotted names."""
+"""Dotted names of what `bench_again` sets on a simulated bench if no seed is given."""
 
 _LONGEST_WORD = 200
 
 
 def plan_again(meta: Meta, whose: str) -> Plan:
-    """The plan of a recording's procedure, as it is installed today, with the recording's parameters.
+    """Return the plan of a recording's procedure, as it is installed today, with the recording's parameters.
 
-    The source that a recording keeps is never run, nor a file that it names. `whose` names the recording in an error.
+    The procedure source stored in the recording is never run, nor a file that it names. `whose` names the recording in
+    errors.
 
     Raises
     ------
     UsageError
-        Where the recording does not say by which procedure it was made, that is not among the installed ones, or its
-        parameters are none of the installed one's.
+        The recording does not state its procedure, the procedure is not installed, or the installed one does not accept
+        the recorded parameters.
     """
     name = meta.provenance.get("procedure", "")
     if not name:
@@ -58,15 +59,15 @@ def plan_again(meta: Meta, whose: str) -> Plan:
 
 
 def bench_again(meta: Meta, whose: str, named: Bench | None, seed: int | None) -> Bench:
-    """The bench to run it on: the one that is named, or the recorded one where that was simulated.
+    """Return the bench for the new run: `named` if given, else the recorded bench if it was simulated.
 
-    A simulated one has the noise of `seed`; without, the noise of another day on the same bench: the recording's seed
-    and one, and its encoder as it was mounted.
+    A simulated bench has the noise of `seed`. Without `seed` it gets new noise, as on another day on the same bench:
+    the recorded seed plus one, with the recorded encoder mounting.
 
     Raises
     ------
     UsageError
-        Where none is named and it was a real one, the recorded one cannot be read, or another unit is on it.
+        No bench is named and the recorded one was real, the recorded bench cannot be read, or another unit is on it.
     """
     made_on = _simulated(meta, whose) if named is None or named.simulated else None
     bench = named or made_on
@@ -85,7 +86,7 @@ def bench_again(meta: Meta, whose: str, named: Bench | None, seed: int | None) -
 
 
 def _simulated(meta: Meta, whose: str) -> Bench | None:
-    """The bench that it was made on; None where that was none of simulated instruments."""
+    """Return the bench that the recording was made on; None if its instruments were not simulated."""
     if not meta.provenance.get("bench_toml"):
         return None
     bench = recorded_bench(meta, whose)
@@ -93,12 +94,12 @@ def _simulated(meta: Meta, whose: str) -> Bench | None:
 
 
 def _on_the_day_after(first: Bench, bench: Bench) -> Bench:
-    """A bench with noise that neither has had, its encoder mounted as it was at first unless it states otherwise."""
+    """Return `bench` with noise that neither bench has had; its encoder is mounted as in `first` unless stated."""
     return as_drawn(bench, another_day(first, 1).physics)
 
 
 def _texts(procedure: Procedure, recorded: dict[str, Any]) -> dict[str, str]:
-    """Recorded parameters as a command line would have them; what is the installed one's default is left out."""
+    """Return recorded parameters as command-line texts, without those equal to the installed defaults."""
     defaults = {one.name: json.loads(json.dumps(one.default)) for one in procedure.parameters}
     return {name: _text(value) for name, value in recorded.items() if name not in defaults or defaults[name] != value}
 

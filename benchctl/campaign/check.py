@@ -23,26 +23,26 @@ _NUMBER = re.compile(r"[+-]?\d[\d.e+-]*")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Problem:
-    """What is wrong with a step, the first of those that have this problem; `step` counts from 1."""
+class PlanProblem:
+    """A problem of a plan, and the first step that has it; `step` counts from 1."""
 
     step: int
     says: str
 
 
-def problems(plan: Plan, bench: Bench) -> list[Problem]:
-    """Everything in a plan that this bench cannot or may not do; what differs in numbers only is one problem."""
+def problems(plan: Plan, bench: Bench) -> list[PlanProblem]:
+    """Return all problems of a plan on this bench; problems that differ only in numbers are merged into one."""
     swings = any(step.peak_acceleration_dps2 for step in plan.steps)
     sinusoids = not swings or oscillates(bench.rate_table.model)
-    first: dict[str, Problem] = {}
+    first: dict[str, PlanProblem] = {}
     count = Counter[str]()
     for number, step in enumerate(plan.steps, 1):
-        for says in tuple(faults(step)) or tuple(_beyond(step, bench, sinusoids)):
-            kind = _NUMBER.sub("", says)
+        for fault in tuple(faults(step)) or tuple(_beyond(step, bench, sinusoids)):
+            kind = _NUMBER.sub("", fault)
             count[kind] += 1
-            first.setdefault(kind, Problem(step=number, says=f"{step.label}: {says}"))
+            first.setdefault(kind, PlanProblem(step=number, says=f"{step.label}: {fault}"))
     return [
-        Problem(
+        PlanProblem(
             step=each.step,
             says=f"{each.says}{f'; {more} more steps have this problem' if (more := count[kind] - 1) else ''}",
         )
@@ -50,10 +50,10 @@ def problems(plan: Plan, bench: Bench) -> list[Problem]:
     ]
 
 
-def room_problems(plan: Plan, bench: Bench, folder: Path) -> list[Problem]:
-    """That the disk has no room for what a plan records in `folder`: the step at which it would be full.
+def room_problems(plan: Plan, bench: Bench, folder: Path) -> list[PlanProblem]:
+    """Return a problem if the disk has no room for what a plan records in `folder`, with the step that fills the disk.
 
-    What a campaign that is gone on with has there already counts as room.
+    The existing files of a resumed campaign count as free space.
     """
     rate_hz = bench.recorded_hz
     free = free_bytes(folder)
@@ -63,28 +63,28 @@ def room_problems(plan: Plan, bench: Bench, folder: Path) -> list[Problem]:
     if fills is None:
         return []
     needs = disk_bytes(plan, rate_hz)
-    says = f"the disk would be full: the campaign needs {needs / 1e6:.0f} MB, {free / 1e6:.0f} MB are free at {folder}"
-    return [Problem(step=fills, says=f"{plan.steps[fills - 1].label}: {says}; make room or choose another folder")]
+    text = f"the disk would be full: the campaign needs {needs / 1e6:.0f} MB, {free / 1e6:.0f} MB are free at {folder}"
+    return [PlanProblem(step=fills, says=f"{plan.steps[fills - 1].label}: {text}; make room or choose another folder")]
 
 
 def refuse_problems(plan: Plan, bench: Bench, folder: Path) -> None:
-    """Raise `UsageError`, naming the first problem and how many more there are, where a plan cannot be run.
+    """Raise `UsageError` with the first problem and the number of further ones if a plan cannot be run.
 
-    `folder` is where the campaign is to land.
+    `folder` is the folder that the campaign will be written to.
     """
     found = problems(plan, bench) or room_problems(plan, bench, folder)
     if found:
         raise UsageError(refusal(plan, found))
 
 
-def refusal(plan: Plan, found: Sequence[Problem]) -> str:
-    """Why a plan cannot be run, in a line: the first problem, and how many more there are."""
+def refusal(plan: Plan, found: Sequence[PlanProblem]) -> str:
+    """Return in one line why a plan cannot be run: the first problem and the number of further ones."""
     more = f"; {len(found) - 1} more problems, which benchctl check lists" if len(found) > 1 else ""
     return f"procedure {plan.procedure}, step {found[0].step}: {found[0].says}{more}"
 
 
 def bench_time_s(plan: Plan, bench: Bench) -> float:
-    """How long the plan takes on this bench, its chamber at the safe set point to begin with."""
+    """Return the duration of the plan on this bench, with the chamber at the safe set point at the start."""
     return max((end_s for _, end_s, _ in timeline(plan, bench.limits, bench.safe.chamber_c)), default=0.0)
 
 
@@ -129,13 +129,13 @@ def _temperatures(step: Step) -> tuple[float, ...]:
 
 
 _LONGEST_S = 100 * 365.25 * 86400.0
-"""No certificate holds for longer, and the calendar ends somewhere."""
+"""Upper limit of the remaining time: no certificate is valid for longer, and dates have a maximum."""
 
 
 def expiring(plan: Plan, bench: Bench, first: int = 1) -> tuple[Expired, ...]:
-    """The instruments whose certificate has expired today (UTC), or will before a plan that begins now has ended.
+    """Return the instruments whose certificate has expired today (UTC), or expires before a plan started now has ended.
 
-    `first` is the step, counted from 1, with which it begins.
+    `first` is the step, counted from 1, at which the plan starts.
     """
     before = replace(plan, steps=plan.steps[: first - 1])
     left_s = (bench_time_s(plan, bench) - bench_time_s(before, bench)) / bench.time_factor
@@ -145,7 +145,7 @@ def expiring(plan: Plan, bench: Bench, first: int = 1) -> tuple[Expired, ...]:
 
 
 def as_event(expired: Expired) -> dict[str, str]:
-    """What the journal keeps of it."""
+    """Return the data of the journal event for an expired certificate."""
     return {
         "instrument": expired.role,
         "serial": expired.serial,

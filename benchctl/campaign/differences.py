@@ -1,7 +1,7 @@
-"""Compare two campaigns of one procedure, in sentences that an error or a report can repeat.
+"""Compare two campaigns of one procedure, in sentences for errors and reports.
 
-`differences` compares two finished runs, in groups. `refuse_another` compares a campaign that is to go on with what it
-was: procedure, unit, bench, instruments.
+`differences` compares two finished runs, in groups. `refuse_another` and `refuse_other_instruments` compare a campaign
+that is to be resumed with its start: procedure, unit, bench, instruments.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _LONGEST_WORD = 200
 
 
 def flat(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested tables, and lists of tables, as one table by dotted names."""
+    """Return nested tables, and lists of tables, as one table with dotted names."""
     found: dict[str, Any] = {}
     for name, value in tables.items():
         if isinstance(value, list) and any(isinstance(item, dict) for item in value):
@@ -40,14 +40,14 @@ def flat(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def changes(prefix: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    """A sentence for each name whose value is another, or is in one table only."""
+    """Yield a sentence for each name whose value differs, or that is in one table only."""
     for name in sorted(before.keys() | now.keys()):
         if before.get(name) != now.get(name):
             yield changed(f"{prefix}{name}", before.get(name), now.get(name))
 
 
 def changed(what: str, before: object, now: object) -> str:
-    """`what was 5, is 6`; None is what is not there, and no text is empty."""
+    """Return `what was 5, is 6`; None is written as `not there`, an empty text as `empty`."""
     return f"{what} was {_word(before)}, is {_word(now)}"
 
 
@@ -59,7 +59,7 @@ def _word(value: object) -> str:
 
 _MOST_LINES = 20
 _MOST_COMPARED = 2000
-"""Lines of a text; the time that a comparison takes grows with their square."""
+"""Maximum number of lines compared; the time of a comparison grows with their square."""
 _CONTEXT = 1
 _LONGEST_LINE = 200
 _OBEYED = ("physics", "effects")
@@ -67,7 +67,7 @@ _OBEYED = ("physics", "effects")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Differences:
-    """Sentences, and lines of unified diffs, of each group; empty where nothing differs."""
+    """Sentences and lines of unified diffs for each group; empty if nothing differs."""
 
     procedure: tuple[str, ...]
     parameters: tuple[str, ...]
@@ -78,10 +78,10 @@ class Differences:
 
 
 def differences(first: Meta, again: Meta, *, expected: Collection[str] = ()) -> Differences:
-    """What differs from the first run to the one again.
+    """Return the differences between a first run and its repetition.
 
-    `expected` are dotted names of what a simulated bench obeys; they were chosen for the second run and are not
-    reported. Raises `UsageError` where the provenance of one is damaged.
+    `expected` are dotted names of simulation settings that were chosen for the second run; they are not reported.
+    Raises `UsageError` if the provenance of one run is damaged.
     """
     both = (first, again)
     reached = [{"reached": meta.provenance.get("instruments_reached", "")} for meta in both]
@@ -113,21 +113,21 @@ def _of_bench(first: Meta, again: Meta, expected: Collection[str]) -> Iterator[s
 
 
 def _of_obeyed(first: Meta, again: Meta, expected: Collection[str]) -> Iterator[str]:
-    """What the two simulated benches obeyed that their files do not say, as a seed."""
+    """Yield differences in simulation settings that are not stated in the bench files, such as the seed."""
     obeyed = [flat({name: _table(meta, f"bench_{name}") for name in _OBEYED}) for meta in (first, again)]
-    said = [_said(meta) for meta in (first, again)]
-    beside = {
+    stated = [_said(meta) for meta in (first, again)]
+    differing = {
         name
-        for table, text in zip(obeyed, said, strict=True)
+        for table, text in zip(obeyed, stated, strict=True)
         for name in table.keys() | text.keys()
         if table.get(name) != text.get(name)
     }
-    before, now = ({name: table.get(name) for name in beside - set(expected)} for table in obeyed)
+    before, now = ({name: table.get(name) for name in differing - set(expected)} for table in obeyed)
     yield from changes("", before, now)
 
 
 def _said(meta: Meta) -> dict[str, Any]:
-    """The same tables by the bench.toml; nothing where they were not obeyed, or it cannot be read."""
+    """Return the same tables as stated in bench.toml; empty if no settings were recorded or it cannot be read."""
     if not meta.provenance.get("bench_physics"):
         return {}
     try:
@@ -138,7 +138,7 @@ def _said(meta: Meta) -> dict[str, Any]:
 
 
 def _diff(before: str, now: str) -> Iterator[str]:
-    """A short unified diff without its heading; nothing where the texts are the same."""
+    """Yield a short unified diff without its header; nothing if the texts are equal."""
     if before == now:
         return
     lines = before.splitlines(), now.splitlines()
@@ -158,12 +158,12 @@ def _table(meta: Meta, name: str) -> dict[str, Any]:
 
 
 def _only(provenance: Mapping[str, str], name: str) -> dict[str, str]:
-    """That entry alone, where it is not empty."""
+    """Return this entry alone; empty if it is missing or empty."""
     return {name: provenance[name]} if provenance.get(name) else {}
 
 
 _MAY_CHANGE = {"name", "operator", "time_factor", "interlocks", "faults"}
-"""Tables of bench.toml that say who runs it, how fast and how it is watched: nothing of what is measured."""
+"""Parts of bench.toml that may change on resume: operator, speed and monitoring, which do not affect measured data."""
 
 _MAY_CHANGE_IN_A_TABLE = {
     "address",
@@ -173,26 +173,26 @@ _MAY_CHANGE_IN_A_TABLE = {
     "motion_error_dps",
     "motion_error_percent",
 }
-"""Fields of its tables that say how an instrument is reached, waited for and watched."""
+"""Fields of its tables that may change: addresses, timeouts and monitoring limits of the instruments."""
 
 _MAY_CHANGE_OF_PROFILE: dict[str, Any] = {
     "name": True,
     "source": True,
     "transport": {"unit_id", "baud", "pause_s", "timeout_s"},
 }
-"""Words, and how the controller is reached and waited for."""
+"""Parts of a profile that may change: texts, and how the controller is addressed and waited for."""
 
 _NAMED_AT_MOST = 3
 _CAMPAIGN = "the campaign"
 
 
 def refuse_another(meta: Meta, infos: Mapping[int, StepInfo], plan: Plan, bench: Bench) -> None:
-    """Raise `UsageError` where procedure, parameters, unit, bench or a recorded step differ from what was begun."""
+    """Raise `UsageError` if procedure, parameters, unit, bench or a recorded step differ from the campaign's start."""
     _refuse("this is not the campaign that was begun", list(_differences(meta, infos, plan, bench)))
 
 
 def refuse_other_instruments(meta: Meta, identities: Mapping[str, Identity]) -> None:
-    """Raise `UsageError` where an instrument states another model or serial number than when it was begun."""
+    """Raise `UsageError` if an instrument reports another model or serial number than at the campaign's start."""
     begun = flat(table_of(meta, "instruments", _CAMPAIGN))
     found = [
         f"{name}: {what} was {shown(before)}, is {shown(now)}"
@@ -221,7 +221,7 @@ def _differences(meta: Meta, infos: Mapping[int, StepInfo], plan: Plan, bench: B
 
 
 def _compared(bench: Bench) -> dict[str, Any]:
-    """What must be the same of a bench, by dotted names; of a chamber's profile its content, not its path."""
+    """Return what must be equal on a bench, by dotted names; a chamber profile is compared by content, not by path."""
     tables = _plain(bench.model_dump(mode="json", exclude=_MAY_CHANGE))
     if bench.chamber_profile:
         profile = parse_profile(bench.chamber_profile, "the chamber profile of the campaign")
@@ -235,7 +235,7 @@ def _compared(bench: Bench) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON gives it back."""
+    """Return a value after a round trip through JSON."""
     return json.loads(json.dumps(value))
 
 

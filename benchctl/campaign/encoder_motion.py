@@ -1,4 +1,4 @@
-"""The table's motion by the digitizer's count, whatever its controller says, held against what a step demands."""
+"""Compare the table's motion with the demand of a step, using only the encoder count of the digitizer."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from benchctl.plan import ConstantRate, Sine, Step, ThermalRamp
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 LOOK_S = 0.05
-"""A rate is taken over this time: a count of a coarse encoder is then no great rate."""
+"""Averaging time of a rate: over this time, one count of a coarse encoder is only a small rate."""
 
 ERROR_SHARE = 0.025
-"""What the encoder's errors may add to an acceleration, as a share of the bench's limit: half of what is granted."""
+"""Maximum contribution of encoder errors to an acceleration, as a share of the bench's limit: half of the margin."""
 
 HELD_S = 0.5
-"""A rate is held against the demand as its mean over so long, or over a quarter of a sine's period."""
+"""Averaging time of a rate that is compared with the demand; a quarter of a sine's period if that is shorter."""
 
 SETTLED_S = 1.0
-"""After its demand a table may take so long to keep a rate; `RISE_CYCLES` periods longer to keep a sine."""
+"""Time allowed after a demand until a rate is held; a sine is allowed `RISE_CYCLES` periods more."""
 
 RISE_CYCLES = 3.0
-"""Two periods in which our drivers let an amplitude rise, and up to one until a controller ends that at a zero."""
+"""Two periods in which our drivers raise an amplitude, and up to one more until a controller ends this at a zero."""
 
 AMPLITUDE_SHARE = 0.5
-"""A sine's amplitude may differ from the demand by this share: a servo has a bandwidth, and overshoots below it."""
+"""Allowed relative deviation of a sine's amplitude: a servo has limited bandwidth, and overshoots below it."""
 
 
 class MeanRates:
-    """Mean rates [deg/s] over consecutive windows of `window_scans`, which need be no whole number.
+    """Mean rates [deg/s] over consecutive windows of `window_scans`, which may be fractional.
 
-    Fed with counts block by block, however they are cut. A rate across a gap is not a number.
+    Counts are fed in blocks of any size. A rate across a gap is NaN.
     """
 
     def __init__(self, bench: Bench, rate_hz: float, window_scans: float) -> None:
@@ -44,7 +44,7 @@ class MeanRates:
         self._edge, self._edge_count = -1, math.nan  # where the last window ended
 
     def feed(self, first_index: int, count: IntArray) -> list[tuple[int, float]]:
-        """For each window that ends in this block, the index of the scan that ends it and its rate."""
+        """Return, for each window that ends in this block, the index of its last scan and its rate."""
         if first_index != self._next_index:
             self._edge_count = math.nan
         self._next_index = first_index + len(count)
@@ -58,19 +58,20 @@ class MeanRates:
 
 
 class EncoderMotion:
-    """Follows one stream's counts, block by block.
+    """Computes rates and accelerations from the counts of one stream, block by block.
 
-    An acceleration is the change of the mean rate from one interval to the next, over the interval T: a mean of the
-    true one, weighted, and never above its peak. An angle that is off by e, by rounding or by the encoder's accuracy,
-    makes up to 4·e/T² of it; so T is as long as it takes to keep that below `ERROR_SHARE` of the bench's limit. For
-    360,000 counts a turn and 1500 deg/s² that is `LOOK_S`, and rounding makes up to 0.8 deg/s².
+    An acceleration is the change of the mean rate from one interval to the next, divided by the length T of the
+    interval. It is a weighted mean of the true acceleration and never exceeds its peak. An angle error e, from rounding
+    or from the encoder's accuracy, contributes up to 4·e/T²; T is long enough to keep this below `ERROR_SHARE` of the
+    bench's limit. For 360,000 counts per revolution and 1500 deg/s², T is `LOOK_S`, and rounding contributes up to 0.8
+    deg/s².
 
     Parameters
     ----------
     bench
-        Whose encoder and whose limit.
+        The bench with the encoder and the acceleration limit.
     rate_hz
-        Scans a second.
+        Scans per second.
     """
 
     def __init__(self, bench: Bench, rate_hz: float) -> None:
@@ -82,11 +83,11 @@ class EncoderMotion:
         self._next_index = 0
 
     def rates_dps(self, first_index: int, count: IntArray) -> FloatArray:
-        """Mean rates over `LOOK_S` each, none across a gap."""
+        """Return mean rates over `LOOK_S` each, without those across a gap."""
         return np.array([rate for _, rate in self._rates.feed(first_index, count) if not math.isnan(rate)])
 
     def accelerations_dps2(self, first_index: int, count: IntArray) -> FloatArray:
-        """The accelerations up to each of these scans, from those before where there is no gap between."""
+        """Return the accelerations up to each of these scans; earlier scans are used if there is no gap between."""
         if first_index != self._next_index:
             self._tail = self._tail[:0]
         self._next_index = first_index + len(count)
@@ -99,7 +100,7 @@ class EncoderMotion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deviation:
-    """What differs from the demand at the scan of number `index`: a rate, or the `amplitude` of a sine."""
+    """A deviation from the demand at scan number `index`: of a rate, or of the `amplitude` of a sine."""
 
     index: int
     quantity: str
@@ -109,11 +110,12 @@ class Deviation:
 
 
 class HeldMotion:
-    """Holds the encoder's rate against what a step demands, within `limits.motion_error_dps` and `_percent` of a bench.
+    """Compares the encoder's rate with a step's demand, within `limits.motion_error_dps` and `_percent` of a bench.
 
-    A constant rate, or rest, is held window by window. A sine's phase is not known, so its windows are held against
-    each other: half a period later the rate must be the opposite one, and with the rate a quarter of a period before it
-    must make up the amplitude. What the encoder's errors may add to a rate is added to the tolerance.
+    A constant rate, or rest, is compared window by window. The phase of a sine is not known, so its windows are
+    compared with each other: the rate half a period later must be the opposite one, and a rate and the rate a quarter
+    of a period before it must combine to the amplitude. The contribution of encoder errors to a rate is added to the
+    tolerance.
     """
 
     def __init__(self, bench: Bench, step: Step, rate_hz: float) -> None:
@@ -124,16 +126,16 @@ class HeldMotion:
             parts = 4 * max(1, math.ceil(period_s / (4.0 * HELD_S)))
             window = period_s * rate_hz / parts
             half = parts // 2
-            self._seen_share = float(np.sinc(1.0 / parts))  # of the amplitude, in means over a window
+            self._seen_share = float(np.sinc(1.0 / parts))  # share of the amplitude in means over a window
             settle_s += getattr(step, "settle_cycles", 0) * period_s
             settled_s = SETTLED_S + RISE_CYCLES * period_s
-            between_edges = 2.0 * math.pi * frequency_hz / rate_hz  # windows end at scans: a phase, in rad
+            between_edges = 2.0 * math.pi * frequency_hz / rate_hz  # windows end at scans: phase error [rad]
         else:
             window = min(HELD_S, 0.5 * step.streamed_s) * rate_hz
             half, self._seen_share, settled_s, between_edges = 0, 1.0, SETTLED_S, 0.0
         self._windows = MeanRates(bench, rate_hz, window) if window >= 2.0 else None
         self._from_index = max(0.0, settled_s - settle_s) * rate_hz + window
-        self._before = deque([math.nan] * half, maxlen=half)  # the rates of half a period
+        self._before = deque([math.nan] * half, maxlen=half)  # the rates of the last half period
         limits, demand_dps = bench.limits, abs(self._rate_dps) + self._amplitude_dps
         share = limits.motion_error_percent / 100.0
         error_dps = between_edges * self._amplitude_dps + 2.0 * _error_deg(bench) * rate_hz / window
@@ -142,7 +144,7 @@ class HeldMotion:
         self._amplitude_tolerance_dps = granted_dps + math.sqrt(2.0) / self._seen_share * error_dps  # of two rates
 
     def look(self, first_index: int, count: IntArray) -> Deviation | None:
-        """The first deviation in this block, or None."""
+        """Return the first deviation in this block, or None."""
         found = self._windows.feed(first_index, count) if self._windows is not None else ()
         deviations = (self._held(index, rate) for index, rate in found if index >= self._from_index)
         return next(filter(None, deviations), None)
@@ -159,7 +161,7 @@ class HeldMotion:
 
 
 def _deviation(index: int, quantity: str, demanded: float, measured: float, tolerance: float) -> Deviation | None:
-    if not abs(measured - demanded) > tolerance:  # what is no number is none either
+    if not abs(measured - demanded) > tolerance:  # NaN is not a deviation
         return None
     return Deviation(
         index=index, quantity=quantity, demanded_dps=demanded, measured_dps=measured, tolerance_dps=tolerance
@@ -167,7 +169,7 @@ def _deviation(index: int, quantity: str, demanded: float, measured: float, tole
 
 
 def demand_of(step: Step) -> tuple[float, float, float]:
-    """Rate [deg/s], or a sine's peak rate [deg/s] and frequency [Hz], that a step demands of the table; else 0."""
+    """Return the rate [deg/s], or a sine's peak rate [deg/s] and frequency [Hz], that a step demands; else 0."""
     if isinstance(step, Sine):
         return 0.0, abs(step.amplitude_dps), step.frequency_hz
     if isinstance(step, ThermalRamp) and step.swing_dps:

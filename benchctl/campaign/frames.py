@@ -1,18 +1,18 @@
-"""Record a digital gyro's frames into a step, timed as the scans are; every missing frame is counted.
+"""Record a digital gyro's frames into a step, on the time axis of the scans, and count every missing frame.
 
-A separate thread reads the gyro's blocks as they come, so that the run does not wait for them.
+A separate thread reads the gyro's blocks as they arrive, so that the run does not wait for them.
 
-    instant of sample i = instant of sample 0 + i / rate
+    time of sample i = time of sample 0 + i / rate
 
-The gyro's frame numbers give i, its nominal rate the interval. A stamp is the time at which the last sample of a
-block had reached the host, so each block is an upper bound for the instant of sample 0, and the lowest bound counts.
-Its error is the shortest delay of a frame (on a simulated bench, whose clock leaps: up to one sample interval). The
-blocks up to the first `settle` determine it, later ones change nothing: a crystal that is off by 20 ppm puts the end
-of an hour's step 0.07 s from its place.
+The gyro's frame numbers give i, its nominal rate the interval. A stamp is the time at which the last sample of a block
+had reached the host, so each block gives an upper bound for the time of sample 0; the lowest bound is used. Its error
+is the shortest delay of a frame (on a simulated bench, whose clock advances in jumps: up to one sample interval). Only
+the blocks up to the first `settle` determine it, later ones change nothing: with a crystal error of 20 ppm, the end of
+an hour's step is displaced by 0.07 s.
 
 After a silence in which the frame numbers may have wrapped, the samples wait for the next `settle`: their own blocks
-show how many wraps are missing. That is right while a frame takes less than half a wrap to come; no sample is ever put
-before one that came earlier.
+show how many wraps are missing. This is correct while a frame takes less than half a wrap to arrive. No sample is ever
+placed before one that arrived earlier.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ from benchctl_instruments.errors import BenchError, LinkError
 from benchctl_instruments.interfaces import Clock, Gyro, GyroBlock, GyroCounts
 
 UNKNOWN = 256.0
-"""What is added to the status of a sample for which its gyro does not vouch, so that it is never 0."""
+"""Added to the status of a sample that its gyro marks as invalid, so that the status is never 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frames:
-    """Frames with their instants, by the clock of the stamps; every array of shape (n,), oldest first.
+    """Frames with their sample times on the clock of the stamps; every array of shape (n,), oldest first.
 
-    `status` is 0 where the gyro vouches for the sample, otherwise 256 + its own. `missing` says how many samples are
-    missing just before each.
+    `status` is 0 if the gyro marks the sample as valid, otherwise 256 + the gyro's status. `missing` is the number of
+    samples missing just before each one.
     """
 
     time_s: FloatArray
@@ -56,14 +56,14 @@ class Frames:
 
 @dataclass(slots=True)
 class _Stretch:
-    """Blocks, or parts of them, between two places where the line was deaf."""
+    """Blocks, or parts of them, between two gaps of unknown length."""
 
     zero_s: float = math.inf
     blocks: list[tuple[GyroBlock, slice]] = field(default_factory=list)
 
 
 class FrameTimes:
-    """Blocks and the stamps of their last samples in, frames with their instants out.
+    """Computes the sample times of frames from blocks and the stamps of their last samples.
 
     Parameters
     ----------
@@ -74,25 +74,25 @@ class FrameTimes:
     def __init__(self, rate_hz: float) -> None:
         self._rate_hz = rate_hz
         self._zero_s: float | None = None
-        self._shift = 0  # samples in whole wraps that the gyro's numbers have missed
+        self._shift = 0  # samples in complete wraps that are missing from the gyro's numbers
         self._unsettled: list[_Stretch] = []
         self._placed: list[Frames] = []
         self._next_index: int | None = None
 
     @property
     def is_settled(self) -> bool:
-        """Whether the place of everything that has come is known, and something has come."""
+        """Whether something has arrived, and everything that has arrived is placed in time."""
         return self._zero_s is not None and not self._unsettled
 
     @property
     def reached_s(self) -> float:
-        """The instant after the last sample whose place is known; -inf where there is none."""
+        """The time after the last placed sample; -inf if there is none."""
         if self._zero_s is None or self._next_index is None:
             return -math.inf
         return self._zero_s + self._next_index / self._rate_hz
 
     def feed(self, block: GyroBlock, stamp_s: float) -> None:
-        """Take a block whose last sample had come at `stamp_s`."""
+        """Add a block whose last sample had arrived at `stamp_s`."""
         deaf = {gap.index for gap in block.gaps if not gap.exact}
         for first, last in itertools.pairwise(sorted({0, block.sequence.size} | deaf)):
             if first in deaf or (self._zero_s is None and not self._unsettled):
@@ -106,12 +106,12 @@ class FrameTimes:
             stretch.blocks.append((block, part))
 
     def settle(self, latest_zero_s: float = math.inf) -> None:
-        """Find the place of whatever has none yet, from what has come by now.
+        """Place all waiting samples in time, from what has arrived so far.
 
-        Where the stream fell silent at once no block may be fresh: `latest_zero_s` is when its first sample must have
-        been taken, whatever the stamps say.
+        If the stream fell silent at once, every block may be delayed: `latest_zero_s` is the latest possible time of
+        the first sample of the stream, whatever the stamps show.
         """
-        # What comes later can only have missed more, so its bound holds for what came before it as well.
+        # Later stretches can only have missed more samples, so their bound also holds for the earlier ones.
         bounds_s = np.minimum.accumulate([stretch.zero_s for stretch in self._unsettled][::-1])[::-1]
         stretches, self._unsettled = self._unsettled, []
         for stretch, bound_s in zip(stretches, bounds_s.tolist(), strict=True):
@@ -125,7 +125,7 @@ class FrameTimes:
                 self._place(block, part, self._zero_s)
 
     def take(self, until_s: float) -> Frames:
-        """All frames that were sampled before an instant and have not been taken."""
+        """Return and remove all frames that were sampled before a time."""
         waiting, self._placed = self._placed, []
         taken = [_of(frames, frames.time_s < until_s) for frames in waiting]
         left = [_of(frames, frames.time_s >= until_s) for frames in waiting]
@@ -168,25 +168,26 @@ def _joined(parts: list[Frames]) -> Frames:
 
 
 LOOK_S = 0.1
-"""Wall time for which one read waits, and within which the thread ends."""
+"""Wall time that one read waits, and within which the thread ends."""
 
 MOST_BLOCKS = 1024
-"""Blocks that wait to be taken. Where there are so many the line is not read: what it loses the gyro's numbers tell."""
+"""Maximum number of waiting blocks. At this number the line is not read; the gyro's numbers show what is lost."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heard:
-    """A block, and the clock's time at which the last of it had come."""
+    """A block, and the clock's time at which it had arrived completely."""
 
     block: GyroBlock
     stamp_s: float
 
 
 class FramePump:
-    """Reads a gyro's stream from when it is made until `stop`.
+    """Reads a gyro's stream from its own creation until `stop`.
 
-    `began_s` is the clock just before the gyro was asked to send, `runs_s` just after it agreed; `rate_hz` is what it
-    says that it sends at, `silence` why nothing came when it was last listened to. Raises as `Gyro.start_stream`.
+    `began_s` is the clock just before the gyro received the start command, `runs_s` just after it confirmed. `rate_hz`
+    is the rate that the gyro reports, `silence` the reason why the last read brought nothing. Raises as
+    `Gyro.start_stream`.
     """
 
     def __init__(self, gyro: Gyro, clock: Clock, rate_hz: float) -> None:
@@ -202,9 +203,9 @@ class FramePump:
         self._thread.start()
 
     def take(self, wait_s: float) -> list[Heard]:
-        """All that has come and was not taken; where that is nothing, it waits so long by the wall for the next.
+        """Return all blocks that have arrived since the last call; if none, wait `wait_s` of wall time for the next.
 
-        Raises what ended the reading, if something did: a line that is silent does not.
+        Raises the error that ended the reading, if there was one; a silent line is no such error.
         """
         taken: list[Heard] = []
         try:
@@ -217,7 +218,7 @@ class FramePump:
             return taken
 
     def stop(self) -> None:
-        """End the reading; the gyro itself is left as it is. Safe to call twice."""
+        """Stop reading; the state of the gyro is not changed. Safe to call twice."""
         self._stopping.set()
         self._thread.join()
 
@@ -227,7 +228,7 @@ class FramePump:
                 heard = Heard(block=self._gyro.read_stream(1, LOOK_S), stamp_s=self._clock.now())
             except LinkError as err:
                 self.silence = str(err)
-                self._stopping.wait(LOOK_S / 10.0)  # a line that is gone says so at once, again and again
+                self._stopping.wait(LOOK_S / 10.0)  # a disconnected line fails immediately, again and again
             except Exception as err:
                 self._failure = err
                 return
@@ -244,36 +245,36 @@ class FramePump:
 
 
 PATIENCE_S = 0.25
-"""Wall time to wait for frames that should have come: the digitizer buffers its scans for longer."""
+"""Wall time to wait for frames that are due; the digitizer buffers its scans for longer."""
 
 LAST_PATIENCE_S = 2.0
-"""The same once the scans are over, when nothing else waits."""
+"""The same after the end of the scans, when nothing else waits."""
 
 LONGEST_S = 1.0
-"""Bench time to wait as long as some of them come; a clock that stands still meanwhile has no hurry."""
+"""Maximum bench time to wait while frames still arrive; a clock that does not advance meanwhile sets no limit."""
 
 AGO = 3
-"""Samples: a frame on its way, and the one that is just being taken."""
+"""Samples: one frame in transit, and the one being sampled."""
 
 
 class StepFrames(Protocol):
-    """What a step does about frames, whether the bench has a digital gyro or not."""
+    """How a step handles frames, whether the bench has a digital gyro or not."""
 
     @property
     def written(self) -> int:
-        """How many frames it has recorded."""
+        """Number of recorded frames."""
 
     def counted(self, info: StepInfo) -> StepInfo:
-        """A step's description with what is known of its frames."""
+        """Return a step's description with its frame counts."""
 
     def take(self, scans: StreamRecorder) -> None:
-        """Record what was sampled up to the last scan that was taken."""
+        """Record the frames that were sampled up to the last recorded scan."""
 
     def finish(self, scans: StreamRecorder) -> None:
-        """Record the rest, and have the gyro send no more."""
+        """Record the remaining frames, and stop the gyro's stream."""
 
     def close(self) -> None:
-        """The step is torn: record what has come, have the gyro send no more; does nothing after `finish`."""
+        """Record what has arrived of an interrupted step, and stop the gyro's stream; does nothing after `finish`."""
 
 
 class NoFrames:
@@ -282,24 +283,24 @@ class NoFrames:
     written = 0
 
     def counted(self, info: StepInfo) -> StepInfo:
-        """As it is."""
+        """Return the description unchanged."""
         return info
 
     def take(self, scans: StreamRecorder) -> None:
-        """Nothing to record."""
+        """Do nothing."""
 
     def finish(self, scans: StreamRecorder) -> None:
-        """Nothing to record."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Nothing to record."""
+        """Do nothing."""
 
 
 class FrameRecorder:
-    """Records the frames of one step, the gyro sending from when this is made.
+    """Records the frames of one step; the gyro sends from the creation of this object on.
 
-    Instants by the host's clock become those of the scans through the start of the digitizer's stream, which the host
-    knows to the time that starting takes: some milliseconds.
+    The host's clock is converted to the time axis of the scans through the start of the digitizer's stream, which the
+    host knows to within the time that starting takes: some milliseconds.
     """
 
     def __init__(self, opened: OpenBench, gyro: Gyro, rate_hz: float, supervisor: Supervisor, into: StepWriter) -> None:
@@ -317,15 +318,15 @@ class FrameRecorder:
         self.written = self.lost = 0
 
     def counted(self, info: StepInfo) -> StepInfo:
-        """A step's description with what is known of its frames."""
+        """Return a step's description with its frame counts."""
         return replace(info, frames_lost=self.lost, frames_bad=self._counts.bad_frames)
 
     def take(self, scans: StreamRecorder) -> None:
-        """Record what was sampled up to the last scan that was taken; `SafetyError` where it is silent for too long."""
+        """Record the frames sampled up to the last recorded scan; raises `SafetyError` after too long a silence."""
         self._take(scans, PATIENCE_S)
 
     def finish(self, scans: StreamRecorder) -> None:
-        """Record the rest, and have the gyro send no more."""
+        """Record the remaining frames, and stop the gyro's stream."""
         self._take(scans, LAST_PATIENCE_S)
         self._pump.stop()
         self._is_over = True
@@ -336,7 +337,7 @@ class FrameRecorder:
         self._supervisor.ask("gyro", self._gyro.stop_stream)
 
     def close(self) -> None:
-        """The step is torn: record what has come, have the gyro send no more; does nothing after `finish`."""
+        """Record what has arrived of an interrupted step, and stop the gyro's stream; does nothing after `finish`."""
         if self._is_over:
             return
         self._is_over = True
@@ -346,7 +347,7 @@ class FrameRecorder:
                 self._gather(self._scans, 0.0)
                 self._write(self._scans)
             self._gyro.stop_stream()
-        except BenchError as err:  # the bench rests by now, and what ended the run is known
+        except BenchError as err:  # the bench is at rest by now, and the cause of the end is known
             self._supervisor.event("silence", instrument="gyro", says=str(err))
 
     def _take(self, scans: StreamRecorder, patience_s: float) -> None:
@@ -356,7 +357,7 @@ class FrameRecorder:
         self._supervisor.ask("gyro", self._news)
 
     def _gather(self, scans: StreamRecorder, patience_s: float) -> None:
-        """Take what has come; wait for what should have, as long as more of it comes."""
+        """Collect what has arrived; wait for frames that are due, as long as more of them arrive."""
         now_s = self._opened.clock.now()
         faults: set[str] = set()
         while True:
@@ -373,16 +374,16 @@ class FrameRecorder:
         self._times.settle(self._pump.runs_s if waits else math.inf)
 
     def _is_behind(self, scans: StreamRecorder, now_s: float) -> bool:
-        """Whether frames that are wanted are still on their way.
+        """Whether frames that are needed are still in transit.
 
-        To settle a time line takes the freshest there are; then frames up to the last scan are enough.
+        To place the samples in time, the latest frames are needed; afterwards frames up to the last scan are enough.
         """
         if self._times.is_settled:
             return self._times.reached_s < self._host_s(scans, scans.t_end)
         return self._pump.began_s + (self._sequence + AGO) / self._pump.rate_hz < now_s
 
     def _host_s(self, scans: StreamRecorder, time_s: float) -> float:
-        """The host's clock at an instant of the recording."""
+        """Return the host's clock at a time of the recording."""
         return time_s - scans.t_start + scans.began_s
 
     def _write(self, scans: StreamRecorder) -> None:
@@ -406,21 +407,21 @@ class FrameRecorder:
         self._supervisor.event("frames_lost", time_s=round(time_s, 6), frames=frames, gaps=gaps)
 
     def _tell_damage(self, counts: GyroCounts) -> None:
-        """Say what was got over."""
+        """Report damaged frames that were skipped."""
         bad, junk = counts.bad_frames - self._counts.bad_frames, counts.junk_bytes - self._counts.junk_bytes
         self._counts = counts
         if bad or junk:
-            says = f"gyro: {bad} frames did not pass their check; {junk} bytes that made no good frame were left out"
-            self._supervisor.event("recovered", says=says)
+            text = f"gyro: {bad} frames did not pass their check; {junk} bytes that made no good frame were left out"
+            self._supervisor.event("recovered", says=text)
 
     def _tell_faults(self, faults: tuple[str, ...]) -> None:
-        """Report the faults that the gyro states, where they have changed."""
+        """Record a change in the faults that the gyro reports."""
         if faults != self._faults:
             self._faults = faults
             self._supervisor.event("gyro_fault", says=", ".join(faults) or "over")
 
     def _news(self) -> None:
-        if self._heard_s > self._known_s:  # on a busy machine even the freshest may have come a while ago
+        if self._heard_s > self._known_s:  # on a busy machine even the latest frame may have arrived a while ago
             self._known_s = self._heard_s
             return
         silent_s = self._opened.clock.now() - self._heard_s
@@ -430,7 +431,7 @@ class FrameRecorder:
 
 
 def frames_of(opened: OpenBench, supervisor: Supervisor, into: StepWriter) -> StepFrames:
-    """What the bench's digital gyro sends from now on; nothing where it has none."""
+    """Return a recorder of the bench's digital gyro, which sends from now on; `NoFrames` if there is no such gyro."""
     if opened.gyro is None or opened.bench.gyro is None:
         return NoFrames()
     return FrameRecorder(opened, opened.gyro, opened.bench.gyro.frame_rate_hz, supervisor, into)

@@ -1,12 +1,12 @@
-"""What no instrument can do: switch the unit's supply, mount the unit, whatever a plan asks for; and who does it.
+"""Operator actions: switch the unit's supply, mount the unit, or another request of a plan; and who performs them.
 
-All questions of a plan are known before anything moves. Without an operator, a file may answer them. It is TOML: each
-question in full, as `benchctl check` lists it, and its answer, `done` or `refuse`:
+All questions of a plan are known before anything moves. Without an operator, a file can provide the answers. It is
+TOML: each question in full, as `benchctl check` lists it, and its answer, `done` or `refuse`:
 
     "close the chamber's door" = "done"
-    "switch the supply of unit SN-17 off" = "refuse"       # ends the run there, the bench brought to rest
+    "switch the supply of unit SN-17 off" = "refuse"       # ends the run there and brings the bench to rest
 
-A question that is asked several times has one answer. Answers to questions that are not asked do no harm.
+A question that occurs several times has one answer. Answers to questions that do not occur are ignored.
 """
 
 from __future__ import annotations
@@ -43,19 +43,19 @@ class Question:
 
 
 def power_question(unit: str, on: bool) -> str:
-    """To switch the supply of a unit."""
+    """Return the question to switch the supply of a unit on or off."""
     return f"switch the supply of unit {unit} {'on' if on else 'off'}"
 
 
 def mount_question(unit: str, position: Position) -> str:
-    """To mount a unit with its input axis along or across the table's axis."""
+    """Return the question to mount a unit with its input axis along or across the table's axis."""
     return f"mount unit {unit} with its input axis {position} the table's axis, then stand clear of the table"
 
 
 def questions(steps: Iterable[tuple[int, Step]], unit: str, *, may_be_off: bool = False) -> Iterator[Question]:
-    """Everything that is asked in some steps, given with their number in the plan, in its order.
+    """Yield all questions of some steps, given with their number in the plan, in the plan's order.
 
-    `may_be_off`: before the first of them the unit's supply is asked for, as where a power cycle was broken off.
+    `may_be_off`: the first question is to switch the unit's supply on, as after an interrupted power cycle.
     """
     for place, (number, step) in enumerate(steps):
         if may_be_off and place == 0:
@@ -71,11 +71,11 @@ def questions(steps: Iterable[tuple[int, Step]], unit: str, *, may_be_off: bool 
 
 
 Meanwhile = Callable[[], None]
-"""Called repeatedly until the operator confirms; what it raises ends the waiting."""
+"""Called repeatedly until the operator confirms; an exception from it ends the waiting."""
 
 
 class Hands(Protocol):
-    """Who touches the unit; each method returns once it is done. `who` names the person; empty: none is there."""
+    """Performs operator actions; each method returns when done. `who` names the person; empty if there is none."""
 
     who: str
 
@@ -86,7 +86,7 @@ class Hands(Protocol):
         """Mount the unit with its input axis along or across the table's axis."""
 
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
-        """Do what is asked."""
+        """Perform the requested action."""
 
 
 class NoHands:
@@ -95,22 +95,22 @@ class NoHands:
     who = ""
 
     def power(self, on: bool, meanwhile: Meanwhile) -> None:
-        """Raises `SafetyError`."""
+        """Raise `SafetyError`."""
         raise SafetyError(
             f"the unit's supply was to be switched {'on' if on else 'off'}, and nobody is there; run it at a terminal"
         )
 
     def mount(self, position: Position, meanwhile: Meanwhile) -> None:
-        """Raises `SafetyError`."""
+        """Raise `SafetyError`."""
         raise SafetyError(f"the unit was to be mounted {position}, and nobody is there; run it at a terminal")
 
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
-        """Raises `SafetyError`."""
+        """Raise `SafetyError`."""
         raise SafetyError(f"somebody was asked to {says}, and nobody is there; run it at a terminal")
 
 
 class SimulatedHands:
-    """Those of a simulated bench in this process; they take no time."""
+    """Operator actions on a simulated bench in this process; they take no time."""
 
     who = "the simulated bench"
 
@@ -126,13 +126,13 @@ class SimulatedHands:
         self._world.mount(position)
 
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
-        """Nothing: the simulated bench has neither door nor cable."""
+        """Do nothing: the simulated bench has neither door nor cable."""
 
 
 class OperatorHands:
-    """Somebody at the terminal, who reads on stderr what to do and answers on stdin: Enter once it is done, or refuse.
+    """An operator at the terminal, who reads instructions on stderr and answers on stdin: Enter when done, or refuse.
 
-    `StoppedError` where they refuse, `SafetyError` where the terminal goes away before the answer.
+    Raises `StoppedError` if the operator refuses, `SafetyError` if the terminal closes before the answer.
     """
 
     def __init__(self, unit: str, operator: str = "") -> None:
@@ -140,27 +140,27 @@ class OperatorHands:
         self._unit = unit
 
     def power(self, on: bool, meanwhile: Meanwhile) -> None:
-        """Ask for the supply to be switched."""
+        """Ask the operator to switch the supply."""
         _ask(power_question(self._unit, on), meanwhile)
 
     def mount(self, position: Position, meanwhile: Meanwhile) -> None:
-        """Ask for the unit to be mounted."""
+        """Ask the operator to mount the unit."""
         _ask(mount_question(self._unit, position), meanwhile)
 
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
-        """Ask for whatever it is."""
+        """Ask the operator to perform the requested action."""
         _ask(says, meanwhile)
 
 
 def hands_at_the_terminal(bench: Bench) -> Hands:
-    """The operator of a bench where stdin and stderr are a terminal, else `NoHands`."""
+    """Return the operator of a bench if stdin and stderr are a terminal, else `NoHands`."""
     if _is_terminal(sys.stdin) and _is_terminal(sys.stderr):
         return OperatorHands(bench.unit.serial, bench.operator)
     return NoHands()
 
 
 def refuse_without_hands(procedure: str, steps: Iterable[tuple[int, Step]], hands: Hands) -> None:
-    """Raise `UsageError` where a step, given with its number in the plan, needs an operator and none is there."""
+    """Raise `UsageError` if a step, given with its number in the plan, needs an operator and there is none."""
     for number, step in steps:
         if isinstance(step, ByHand) and not hands.who:
             raise UsageError(
@@ -179,7 +179,7 @@ _REFUSED = {b"refuse", b"n", b"no"}
 
 
 def _ask(what: str, meanwhile: Meanwhile) -> None:
-    """Print what to do and wait until the operator confirms; any answer but that and a refusal is asked again."""
+    """Print what to do and wait until the operator confirms; repeat the prompt after an unknown answer."""
     terminal = sys.stdin.fileno()
     _forget_typed(terminal)
     _say(f"the table is at rest: {what}; then press Enter. (To end the run instead, type refuse.)")
@@ -190,7 +190,7 @@ def _ask(what: str, meanwhile: Meanwhile) -> None:
 
 
 def _say(text: str) -> None:
-    with contextlib.suppress(OSError):  # a terminal that is gone gives no answer either
+    with contextlib.suppress(OSError):  # a closed terminal gives no answer either
         sys.stderr.write(f"benchctl: {text}\n")
         sys.stderr.flush()
 
@@ -208,9 +208,9 @@ def _answered(terminal: int, what: str, meanwhile: Meanwhile) -> bytes:
 
 
 class _Answer:
-    """A line from the terminal, read in a thread of its own.
+    """A line from the terminal, read in a separate thread.
 
-    It reads past Python's buffer: a thread that still waits in that when the program ends would hold its lock.
+    It bypasses Python's buffer: a thread that still waits there when the program ends would hold the buffer's lock.
     """
 
     def __init__(self, terminal: int) -> None:
@@ -222,7 +222,7 @@ class _Answer:
 
     @property
     def came(self) -> bool:
-        """Whether there is an answer, or there will be none."""
+        """Whether there is an answer, or none can come any more."""
         return not self._reader.is_alive()
 
     def _read(self) -> None:
@@ -238,7 +238,7 @@ class _Answer:
 
 
 def _forget_typed(terminal: int) -> None:
-    """Drop what was typed before the question: an Enter among it is no answer."""
+    """Discard what was typed before the question: an earlier Enter is not an answer."""
     try:
         import termios
     except ImportError:  # Windows
@@ -251,19 +251,19 @@ DONE, REFUSE = "done", "refuse"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """The answers of a file, by question."""
+    """The answers in a file, by question."""
 
     path: Path
     by_question: Mapping[str, str]
 
     def refuse_unanswered(self, asked: Iterable[Question]) -> None:
-        """Raise `UsageError` where a question has no answer; it names all that have none, as the file would."""
+        """Raise `UsageError` if a question has no answer; it lists all such questions as lines for the file."""
         without = list(dict.fromkeys(one.says for one in asked if one.says not in self.by_question))
         if not without:
             return
         close = nearest(without[0], self.by_question)
         hint = f" (for the first there is only {shown(close)})" if close else ""
-        lines = ", ".join(answer_line(says) for says in without)
+        lines = ", ".join(answer_line(question) for question in without)
         raise UsageError(
             f"answers {self.path}: {len(without)} of the plan's questions have no answer{hint}; add {lines}, a line "
             "each, or refuse in the place of done"
@@ -271,9 +271,9 @@ class Answers:
 
 
 class AnsweringHands:
-    """Takes the answers of a file as an operator's; on a bench simulated in this process, `then` carries them out.
+    """Answers from a file in place of an operator; on a bench simulated in this process, `then` performs the actions.
 
-    `StoppedError` where the file refuses.
+    Raises `StoppedError` if the file refuses.
     """
 
     def __init__(self, answers: Answers, unit: str, then: Hands | None) -> None:
@@ -293,7 +293,7 @@ class AnsweringHands:
             self._then.mount(position, meanwhile)
 
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
-        """Do what is asked, or end the run."""
+        """Perform the requested action, or end the run."""
         self._answer(says)
         if self._then is not None:
             self._then.ask(says, meanwhile)
@@ -304,20 +304,20 @@ class AnsweringHands:
 
 
 def read_answers(path: Path) -> Answers:
-    """The answers of a file.
+    """Read a file of answers.
 
     Raises
     ------
     UsageError
-        Where it cannot be read, is no TOML, or holds another answer than done or refuse.
+        The file cannot be read, is not TOML, or contains an answer other than done or refuse.
     """
     found = toml_document(read_text(path, "answers"), f"answers {path}")
-    for says, answer in found.items():
+    for question, answer in found.items():
         if answer not in (DONE, REFUSE):
-            raise UsageError(f'answers {path}: {cut(says)}: expected "{DONE}" or "{REFUSE}", got {shown(answer)}')
+            raise UsageError(f'answers {path}: {cut(question)}: expected "{DONE}" or "{REFUSE}", got {shown(answer)}')
     return Answers(path=path, by_question=found)
 
 
 def answer_line(says: str) -> str:
-    """A question as a line of a file of answers, answered with `done`."""
+    """Return a question as a line of a file of answers, answered with `done`."""
     return f'{json.dumps(says, ensure_ascii=False)} = "{DONE}"'

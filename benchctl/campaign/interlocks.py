@@ -1,14 +1,14 @@
-"""Interlocks: limits of the user's own on what is measured, with hysteresis and a delay; no clock, no bench.
+"""Interlocks: user-defined limits on measured quantities, with hysteresis and a delay; independent of clock and bench.
 
 Each limit is a comparator with hysteresis followed by an on-delay. An excursion begins beyond the limit and lasts until
 the value is back inside by the hysteresis; once it has lasted `for_s` the interlock is on, until the excursion ends.
 
-A look may stand for many samples, as a block of the stream does; then the sample that is farthest out speaks for it. So
-one sample beyond begins an excursion, and only a look that is inside as a whole ends it.
+A look may cover many samples, such as a block of the stream; then the most extreme sample counts. So one sample beyond
+the limit begins an excursion, and only a look with all samples inside ends it.
 
-An interlock on the table's acceleration that stops the run follows what the controller says of it and what the encoder
-shows, each by itself: some controllers say nothing, and polls are far between. One that holds follows the controller
-alone, since nothing streams during a hold, and what the encoder has shown would never end.
+An interlock on the table's acceleration that stops the run monitors the controller's reading and the encoder
+separately: some controllers report no acceleration, and polls are rare. An interlock that holds the run monitors only
+the controller: nothing streams during a hold, so an excursion of the encoder would never end.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from typing import Literal
 from benchctl.bench import Interlock
 
 Range = tuple[float, float]
-"""The lowest and the highest value of a look; twice the same where it is one value."""
+"""The lowest and the highest value of a look; equal for a single value."""
 
 Looks = Mapping[str, Range]
-"""Quantity -> what was seen of it; `encoder_dps2` is the acceleration by the encoder."""
+"""Quantity -> range of its values; `encoder_dps2` is the acceleration by the encoder."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """An interlock that went on or off: `says` is its limit in words, `value` what was seen, `now_s` when."""
+    """An interlock that went on or off: `says` is its limit in words, `value` the measured value, `now_s` the time."""
 
     interlock: Interlock
     says: str
@@ -38,8 +38,8 @@ class Change:
     now_s: float
 
 
-class Limit:
-    """One side of one interlock, followed look by look."""
+class FollowedLimit:
+    """One side of one interlock, updated look by look."""
 
     def __init__(
         self, interlock: Interlock, side: Literal["above", "below"], at: float, *, by_encoder: bool = False
@@ -49,12 +49,12 @@ class Limit:
         whose = f"{interlock.quantity}{' by the encoder' if by_encoder else ''}"
         self.says = f"{whose} {side} {at:g}{f' for {interlock.for_s:g} s' if interlock.for_s else ''}"
         self.on: Change | None = None
-        self._sign = 1.0 if side == "above" else -1.0  # a lower limit is an upper one of what is looked at in a mirror
+        self._sign = 1.0 if side == "above" else -1.0  # a lower limit is an upper limit of the negated value
         self._at = self._sign * at
         self._since_s: float | None = None
 
     def see(self, now_s: float, seen: Range) -> Change | None:
-        """Take a look into account; what changed, if anything. A value that is no number changes nothing."""
+        """Update with a look; return the change, if there is one. A NaN changes nothing."""
         outer = max(self._sign * value for value in seen)
         if math.isnan(outer):
             return None
@@ -74,41 +74,41 @@ class Interlocks:
     """All interlocks of a bench."""
 
     def __init__(self, interlocks: Iterable[Interlock]) -> None:
-        self._limits: list[Limit] = []
+        self._limits: list[FollowedLimit] = []
         for interlock in interlocks:
             self._limits += limits_of(interlock)
             if interlock.quantity == "acceleration_dps2" and interlock.action == "stop":
                 self._limits += limits_of(interlock, by_encoder=True)
 
     def see(self, now_s: float, looks: Looks) -> list[Change]:
-        """Take a look at some quantities into account; what changed, in the order of bench.toml."""
+        """Update with a look at some quantities; return the changes, in the order of bench.toml."""
         return [
             change
             for limit in self._limits
-            if (seen := looks.get(limit.look)) is not None and (change := limit.see(now_s, seen)) is not None
+            if (values := looks.get(limit.look)) is not None and (change := limit.see(now_s, values)) is not None
         ]
 
     @property
     def may_hold(self) -> bool:
-        """Whether any of them pauses the run."""
+        """Whether any interlock can pause the run."""
         return any(limit.interlock.action == "hold" for limit in self._limits)
 
     @property
     def holds(self) -> list[Change]:
-        """Those that are on and ask for a pause."""
+        """The interlocks that are on and demand a pause."""
         return [limit.on for limit in self._limits if limit.on is not None and limit.interlock.action == "hold"]
 
 
 def words(interlocks: Iterable[Interlock]) -> str:
-    """Interlocks in a line, each with what it does."""
+    """Return interlocks in one line, each with its action."""
     limits = (limit for interlock in interlocks for limit in limits_of(interlock))
     return ", ".join(f"{limit.says} ({limit.interlock.action})" for limit in limits)
 
 
-def limits_of(interlock: Interlock, *, by_encoder: bool = False) -> list[Limit]:
-    """The sides of an interlock that are limited."""
+def limits_of(interlock: Interlock, *, by_encoder: bool = False) -> list[FollowedLimit]:
+    """Return the sides of an interlock that have a limit."""
     sides: tuple[tuple[Literal["above", "below"], float | None], ...] = (
         ("above", interlock.above),
         ("below", interlock.below),
     )
-    return [Limit(interlock, side, at, by_encoder=by_encoder) for side, at in sides if at is not None]
+    return [FollowedLimit(interlock, side, at, by_encoder=by_encoder) for side, at in sides if at is not None]

@@ -1,4 +1,4 @@
-"""From bench.toml to instruments that answer: real ones, simulated ones on the wire, or simulated ones without it."""
+"""Open the instruments of a bench.toml: real ones, simulated ones over their protocols, or simulated ones without."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from benchctl_instruments.simulated.settings import WorldSettings
 from benchctl_instruments.simulated.world import World
 
 FASTEST = 2.0
-"""What changes an encoder's count faster than this multiple of the bench's rate limit is no motion."""
+"""A change of the encoder's count that is faster than this multiple of the bench's rate limit is not motion."""
 
 NO_HANDS = NoHands()
 
@@ -38,9 +38,9 @@ NO_HANDS = NoHands()
 class OpenBench:
     """A bench whose instruments have answered.
 
-    `epoch_s` is the clock at the start of the recording, `elapsed_s` how far the recording had come when the
-    digitizer's own counter was at zero; `reached` says how they were reached. `simulated` are the servers, where they
-    run in this process. `gyro` is the digital one, where the bench has one. `hands` do what no instrument can.
+    `epoch_s` is the clock at the start of the recording, `elapsed_s` the time in the recording at which the digitizer's
+    own counter was at zero; `reached` states how the instruments were reached. `simulated` are the servers, if they run
+    in this process. `gyro` is the digital gyro, if the bench has one. `hands` perform operator actions.
     """
 
     bench: Bench
@@ -61,19 +61,19 @@ class OpenBench:
 def open_bench(
     bench: Bench, *, wires: bool = True, elapsed_s: float = 0.0, purpose: str = "benchctl"
 ) -> Iterator[OpenBench]:
-    """Open every instrument of a bench, and close them all on the way out.
+    """Open every instrument of a bench, and close them all at the end.
 
-    `wires=False` takes the simulated instruments without their protocols: the same physics, for simulations in a hurry.
-    With wires they take turns with this thread, which is kept on one processor meanwhile, where Linux lets it.
-    `elapsed_s` is the bench time since the start of the recording that is gone on with. Instruments at addresses belong
-    to this process alone meanwhile; `purpose` is shown to others. To open them commands none of them.
+    `wires=False` opens the simulated instruments without their protocols: the same physics, for fast simulations. With
+    wires they take turns with this thread, which is kept on one processor meanwhile, if Linux allows it. `elapsed_s` is
+    the bench time since the start of a recording that is resumed. Instruments at addresses are reserved for this
+    process meanwhile; `purpose` is shown to other processes. Opening does not command any instrument.
 
     Raises
     ------
     BenchInUseError
-        Where another process has an instrument: nothing has been sent to any then.
+        Another process has an instrument; nothing has been sent to any instrument.
     BenchNotReadyError
-        Names every instrument that did not answer, and why.
+        Lists every instrument that did not answer, and why.
     """
     with ExitStack() as stack:
         simulated: SimulatedBench | None = None
@@ -108,7 +108,7 @@ def open_bench(
             }
         identities = _open_all(stack, instruments, bench)
         if "digitizer" in abandoned:
-            instruments["digitizer"].stop_stream()  # which a run on this machine that was killed left behind
+            instruments["digitizer"].stop_stream()  # left streaming by a killed run on this machine
         yield OpenBench(
             bench=bench,
             table=instruments["rate_table"],
@@ -126,7 +126,7 @@ def open_bench(
 
 
 def simulated_bench(bench: Bench, clock: VirtualClock | ScaledClock, **options: Any) -> SimulatedBench:
-    """The simulated twin of a bench, not yet started: wired as its drivers believe, and with further `options`."""
+    """Return the simulated twin of a bench, not yet started: wired as its drivers expect, with further `options`."""
     settings = world_settings(bench)
     return SimulatedBench(
         settings,
@@ -156,15 +156,15 @@ def _wired(bench: Bench, more: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def world_settings(bench: Bench) -> WorldSettings:
-    """What the simulated world obeys: `[physics]`, made to agree with what the bench's other tables already say."""
+    """Return the settings of the simulated world: `[physics]`, made consistent with the bench's other tables."""
     settings = WorldSettings.from_mapping(bench.physics, where="physics")
     entry, site = bench.digitizer, bench.site
     stated = {name: getattr(settings.encoder, name) for name in bench.physics.get("encoder", {})}
-    said = {**stated, "counts_per_rev": entry.encoder_counts_per_rev, "sign": entry.encoder_sign}
+    known = {**stated, "counts_per_rev": entry.encoder_counts_per_rev, "sign": entry.encoder_sign}
     drawn = settings.drawn(settings.seed)
     return replace(
         drawn,
-        encoder=replace(drawn.encoder, **said),
+        encoder=replace(drawn.encoder, **known),
         latitude_deg=settings.latitude_deg if site.latitude_deg is None else site.latitude_deg,
         thermistor_v_per_c=1.0 / entry.thermistor_c_per_v,
         thermistor_offset_v=-entry.thermistor_c_at_0v / entry.thermistor_c_per_v,
@@ -172,11 +172,11 @@ def world_settings(bench: Bench) -> WorldSettings:
 
 
 _ENCODER_PHASES = ("eccentricity_phase_deg", "ellipticity_phase_deg")
-"""How the encoder is mounted; drawn by the seed where bench.toml does not say."""
+"""How the encoder is mounted; drawn from the seed if bench.toml does not state it."""
 
 
 def another_day(bench: Bench, days: int) -> Bench:
-    """The same simulated bench and unit, encoder and all, with noise that it has not had yet: drawn by seed + days."""
+    """Return the same simulated bench, unit and encoder, with new noise drawn from seed + days."""
     world = world_settings(bench)
     mounted = {**bench.physics.get("encoder", {}), **{name: getattr(world.encoder, name) for name in _ENCODER_PHASES}}
     physics = {**bench.physics, "seed": world.seed + days, "encoder": mounted}
@@ -184,7 +184,7 @@ def another_day(bench: Bench, days: int) -> Bench:
 
 
 def as_drawn(bench: Bench, physics: Mapping[str, Any]) -> Bench:
-    """A simulated bench with the seed of other physics, its encoder mounted as there unless it states otherwise."""
+    """Return a simulated bench with the seed of other physics, and their encoder mounting unless it states its own."""
     there = {name: phase for name, phase in physics.get("encoder", {}).items() if name in _ENCODER_PHASES}
     mounted = there | bench.physics.get("encoder", {})
     drawn = {**({"seed": physics["seed"]} if "seed" in physics else {}), **({"encoder": mounted} if mounted else {})}
@@ -192,7 +192,7 @@ def as_drawn(bench: Bench, physics: Mapping[str, Any]) -> Bench:
 
 
 def effects_of(bench: Bench, settings: WorldSettings) -> tuple[PhysicalEffect, ...]:
-    """The bench's `[effects]`, in the circumstances that its world and its other tables state."""
+    """Return the bench's `[effects]`, set up with values from its world and its other tables."""
     entry, sensor = bench.digitizer, sensor_of(settings)
     circumstances = {
         "T0_c": sensor.T0_c,
@@ -205,13 +205,13 @@ def effects_of(bench: Bench, settings: WorldSettings) -> tuple[PhysicalEffect, .
 
 
 def drivers_at(bench: Bench, clock: Clock, addresses: Mapping[str, str]) -> dict[str, Any]:
-    """The drivers of a bench, not yet opened, at these addresses or at their own; `UsageError` for wrong options."""
+    """Return the drivers of a bench, not yet opened, at these or their own addresses; `UsageError` for bad options."""
     kinds: tuple[Kind, ...] = ("rate_table", "chamber", "digitizer", *(("gyro",) if bench.gyro else ()))
     return {kind: driver_at(bench, kind, clock, addresses) for kind in kinds}
 
 
 def driver_at(bench: Bench, kind: Kind, clock: Clock, addresses: Mapping[str, str]) -> Any:
-    """One driver of a bench, not yet opened; as `drivers_at`."""
+    """Return one driver of a bench, not yet opened, as `drivers_at` does."""
     more: dict[str, Any] = {}
     if kind == "digitizer":
         entry = bench.digitizer
@@ -277,9 +277,9 @@ _SIMULATION = ("physics", "effects", "faults")
 
 
 def bench_toml_at(bench: Bench, addresses: Mapping[str, str], speed: float) -> str:
-    """The bench's own text with the servers' addresses, without what only a simulation has.
+    """Return the bench's own text with the servers' addresses and without tables that only a simulation has.
 
-    `speed` is bench seconds a wall second.
+    `speed` is bench seconds per wall second.
     """
     document = tomllib.loads(bench.text)
     document |= {"simulated": False, "time_factor": speed}
@@ -287,7 +287,7 @@ def bench_toml_at(bench: Bench, addresses: Mapping[str, str], speed: float) -> s
         document.pop(table, None)
     for name in bench.entries:
         document[name]["address"] = addresses[name]
-    document["chamber"]["model"] = bench.chamber.model  # a profile's whole path: the new file may lie elsewhere
+    document["chamber"]["model"] = bench.chamber.model  # a profile's full path: the new file may be in another folder
     if "digitizer_stream" in addresses:
         document["digitizer"]["stream_address"] = addresses["digitizer_stream"]
     return tomli_w.dumps(document)

@@ -1,7 +1,7 @@
-"""Play one step: go there, settle, record; every wait checks the limits and heeds a request to stop.
+"""Play one step: reach its state, settle, record; every wait checks the limits and stop requests.
 
-During an operator's step the table rests, read back, and the bench is still supervised. A hold between two steps
-waits, with the table at rest, until the interlocks that ask for it are off.
+During an operator's step the table is at rest, confirmed by reading back, and the bench is still supervised. A hold
+between two steps waits, with the table at rest, until the interlocks that demand it are off.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Notify = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """When a step's data begin and end, in seconds since the start of the recording, and the gaps in them."""
+    """Start and end of a step's data, in seconds since the start of the recording, and the number of gaps in them."""
 
     t_start: float
     t_end: float
@@ -41,11 +41,11 @@ class Span:
 
 @dataclass(slots=True)
 class StepPlayer:
-    """Plays the steps of one campaign, in order, into one writer; `notify` receives what is being done.
+    """Plays the steps of one campaign, in order, into one writer; `notify` receives the current activity.
 
-    `setpoint_c`, `gyro_c`, `streamed` and `gaps` are where it is: set point, thermistor, scans of this step so far and
-    gaps in them; `frames` are those of the step's digital gyro. `position` is how the unit is mounted.
-    `sample_rate_hz` is the scan rate that the digitizer stated last, before its first stream the bench's.
+    `setpoint_c`, `gyro_c`, `streamed` and `gaps` are the current state: set point, thermistor, scans of this step so
+    far and gaps in them; `frames` are those of the step's digital gyro. `position` is how the unit is mounted.
+    `sample_rate_hz` is the scan rate last reported by the digitizer, before its first stream that of the bench.
     """
 
     opened: OpenBench
@@ -66,7 +66,7 @@ class StepPlayer:
         self.sample_rate_hz = self.opened.bench.digitizer.sample_rate_hz
 
     def play(self, index: int, step: Step) -> StepInfo:
-        """Play a step and return what became of it; one that is torn stays open until `close_torn`."""
+        """Play a step and return its final description; an interrupted step stays open until `close_torn`."""
         match step:
             case Soak():
                 return self._record(index, step, SOAK_CHANNELS, lambda into: self._soak(step, into))
@@ -90,10 +90,10 @@ class StepPlayer:
         return self._record(index, step, channels, lambda into: self._stream(step, into))
 
     def close_torn(self, aside: int | None = None) -> int:
-        """Close the step that was torn, if one was, marked as cut; returns the samples in it.
+        """Close the interrupted step, if there is one, marked as cut; return the number of its samples.
 
-        That takes a while, for its file is rewritten: the bench comes to rest before. `aside` is the index
-        under which it is filed as an attempt that no fit sees, so that the step can be played again.
+        This takes a while, because the file is rewritten: bring the bench to rest first. `aside` is the index under
+        which the step is stored as an attempt that fits do not use, so that the step can be played again.
         """
         if self._torn is None:
             return 0
@@ -116,7 +116,7 @@ class StepPlayer:
         self.opened.digitizer.stop_stream()
 
     def wait(self, seconds: float) -> None:
-        """Let bench time pass, looking at the table and heeding a wish to stop at least every chunk."""
+        """Wait for some bench time, checking the table and stop requests at least every chunk."""
         clock = self.opened.clock
         end_s = clock.now() + seconds
         while (left_s := end_s - clock.now()) > 0:
@@ -139,7 +139,7 @@ class StepPlayer:
         return into.close(replace(info, t_start=span.t_start, t_end=span.t_end, gaps=span.gaps, whole=True))
 
     def _with_rate(self, info: StepInfo) -> StepInfo:
-        """The description of a streamed step with the scan rate that the digitizer stated."""
+        """Return the description of a streamed step with the scan rate that the digitizer reported."""
         return replace(info, sample_rate_hz=self.sample_rate_hz) if info.sample_rate_hz else info
 
     def _describe(self, index: int, step: Step) -> StepInfo:
@@ -168,7 +168,7 @@ class StepPlayer:
         )
 
     def now_s(self) -> float:
-        """Bench time since the start of the recording [s]."""
+        """Return the bench time since the start of the recording [s]."""
         return self.opened.clock.now() - self.opened.epoch_s
 
     def _soak(self, step: Soak, into: StepWriter) -> Span:
@@ -210,7 +210,7 @@ class StepPlayer:
                 into.append_point(one_poll(self.now_s(), air, {}))
             self.notify("recording")
         recorder.refuse_few_samples()
-        # Where an error left the loop, the table comes before the stream: `bring_to_rest` stops both.
+        # After an error in the loop the table is stopped before the stream: `bring_to_rest` stops both.
         self.opened.digitizer.stop_stream()
         self.frames.finish(recorder)
         if isinstance(step, ThermalRamp):
@@ -220,11 +220,11 @@ class StepPlayer:
     def _ramp(self, step: ThermalRamp, elapsed_s: float) -> None:
         moved_c = math.copysign(step.ramp_c_per_min * elapsed_s / 60.0, step.to_c - step.from_c)
         arrived = abs(moved_c) >= abs(step.to_c - step.from_c)
-        # no controller has finer steps, and a sum that misses 0 by 1e-14 reads like words in the wrong order
+        # no controller has finer steps, and a residue of 1e-14 instead of 0 looks like swapped register words
         self.opened.chamber.go_to(step.to_c if arrived else round(step.from_c + moved_c, 3))
 
     def rest(self, settle_s: float) -> None:
-        """Stop the table, wait until it rests, and let it settle."""
+        """Stop the table, wait until it is at rest, and let it settle."""
         self.notify("coming to rest")
         self.opened.table.stop()
         wait_for_rest(self.opened.table, self.opened.clock, rest_s(self.opened), self.supervisor.guard.beat)
@@ -261,7 +261,7 @@ def _name_of(step: Step, setpoint_c: float, mounting: str) -> str:
 
 
 def _swing_of(step: Step) -> tuple[float | None, float | None]:
-    """Peak rate and frequency of a step in which the table swings; None, None of others."""
+    """Return peak rate and frequency of a step in which the table swings; None, None for other steps."""
     if isinstance(step, Sine):
         return step.amplitude_dps, step.frequency_hz
     if isinstance(step, ThermalRamp) and step.swing_dps:
@@ -270,7 +270,7 @@ def _swing_of(step: Step) -> tuple[float | None, float | None]:
 
 
 _SETTLE_S = 1.0
-"""Waiting time after the unit on the table was touched."""
+"""Waiting time after somebody touched the unit on the table."""
 
 
 def power_cycle(player: StepPlayer, step: PowerCycle, into: StepWriter) -> Span:
@@ -296,12 +296,12 @@ def mount(player: StepPlayer, step: Mount, into: StepWriter) -> Span:
 
 
 def ask(player: StepPlayer, step: Ask, into: StepWriter) -> Span:
-    """Have done what the step asks for."""
+    """Have the requested action performed."""
     return _done_at_rest(player, step.says, into, lambda hands, meanwhile: hands.ask(step.says, meanwhile))
 
 
 def switch_on(player: StepPlayer) -> None:
-    """Have the supply switched on, or made sure that it is, before a run goes on."""
+    """Have the supply switched on, or confirmed to be on, before a run goes on."""
     _rest_confirmed(player)
     _have_switched_on(player)
 
@@ -311,7 +311,7 @@ def _have_switched_on(player: StepPlayer) -> None:
 
 
 def _done_at_rest(player: StepPlayer, says: str, into: StepWriter, act: Callable[[Hands, Meanwhile], None]) -> Span:
-    """Have something done while the table rests, then record one poll."""
+    """Have an action performed while the table is at rest, then record one poll."""
     _rest_confirmed(player)
     begun_s = player.now_s()
     _have_done(player, says, act)
@@ -322,7 +322,7 @@ def _done_at_rest(player: StepPlayer, says: str, into: StepWriter, act: Callable
 
 
 def _rest_confirmed(player: StepPlayer) -> None:
-    """The table at rest, read back, its servo on and without a fault."""
+    """Wait until the table is at rest, read back, with its servo on and without a fault."""
     player.supervisor.check_state()
     player.rest(_SETTLE_S)
 
@@ -332,7 +332,7 @@ def _have_done(player: StepPlayer, says: str, act: Callable[[Hands, Meanwhile], 
     began_s = opened.clock.now()
 
     def meanwhile() -> None:
-        # not the table's state: to open the chamber's door may cut the servo off
+        # the table's state is not checked: opening the chamber's door may cut the servo off
         player.notify(f"waiting for {opened.hands.who}: {says}")
         player.wait(opened.clock.chunk_s)
         supervisor.look_at_chamber()
@@ -342,9 +342,9 @@ def _have_done(player: StepPlayer, says: str, act: Callable[[Hands, Meanwhile], 
 
 
 def _poll(player: StepPlayer, into: StepWriter) -> bool:
-    """Record what the chamber and the gyro's terminals say, whether they have answered.
+    """Record the readings of the chamber and of the gyro's terminals; return whether both have answered.
 
-    No interlock is held against the gyro: without its supply its words are void.
+    No interlock is checked against the gyro, because its output is not valid without supply.
     """
     opened, supervisor = player.opened, player.supervisor
     air, scan = supervisor.look_at_chamber(), supervisor.ask("digitizer", opened.digitizer.read_once)
@@ -356,14 +356,14 @@ def _poll(player: StepPlayer, into: StepWriter) -> bool:
 
 
 def hold_if_asked(player: StepPlayer) -> None:
-    """Look at everything that is measured; where an interlock asks for a hold, wait until none does any more.
+    """Read everything that is measured; if an interlock demands a hold, wait until none does.
 
-    A bench without such interlocks is not looked at, and costs no time.
+    A bench without such interlocks is not read, which takes no time.
 
     Raises
     ------
     SafetyError
-        Where one has asked for longer than its `give_up_s`, counted from when the run began to wait for it.
+        An interlock has demanded a hold for longer than its `give_up_s`, counted from the beginning of the wait.
     """
     interlocks = player.supervisor.interlocks
     if not interlocks.may_hold:

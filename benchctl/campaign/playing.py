@@ -1,4 +1,4 @@
-"""A whole campaign, from a plan and a bench's description to a sealed folder: what the verbs and the API both run."""
+"""Run a complete campaign, from a plan and a bench description to a sealed folder; used by the commands and the API."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ def play(
     answers: Answers | None = None,
     deaf_after: bool = False,
 ) -> Outcome:
-    """Run a plan on a bench, or go on with its `past`, heeding signals and the live page.
+    """Run a plan on a bench, or resume the campaign `past`, obeying signals and the live page.
 
-    `warn` is told beforehand whose certificate does not hold so long, and where the folder's manifest, which is written
-    once all is closed, could not be. `progress` is entered once the bench is open. `answers` are taken in the place of
-    an operator's. `wires` is as of `open_bench`, `deaf_after` as of `stop_on_signals`.
+    `warn` receives, before the run, the certificates that expire too early, and, at the end, a failure to write the
+    folder's manifest, which is written once everything is closed. `progress` is entered once the bench is open.
+    `answers` replace an operator's answers. `wires` is as in `open_bench`, `deaf_after` as in `stop_on_signals`.
 
     Raises
     ------
     UsageError
-        Before anything moves, as `run_campaign` says.
+        Before anything moves, as in `run_campaign`.
     BenchNotReadyError
-        Names every instrument that did not answer, and why.
+        Lists every instrument that did not answer, and why.
     """
     refuse_problems(plan, bench, folder)
     if answers is not None:
@@ -75,14 +75,14 @@ def play(
 
 
 def questions_asked(plan: Plan, bench: Bench, past: Past | None = None) -> list[Question]:
-    """What an operator is asked, in the order in which it is, where a plan is run or gone on with."""
+    """Return the questions to an operator, in their order, when a plan is run or resumed."""
     to_play = steps_to_play(plan, past.infos if past else (), bench.safe.chamber_c)
     may_be_off = past is not None and past.may_be_off
     return list(questions(((number, step) for _, number, step in to_play), bench.unit.serial, may_be_off=may_be_off))
 
 
 def new_folder(procedure: str, serial: str) -> Path:
-    """A folder in results/ that is not there yet, named by time, procedure and unit."""
+    """Return a path in results/ that does not exist yet, named by time, procedure and unit."""
     stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
     name = re.sub(r"[^A-Za-z0-9._+-]+", "-", f"{stamp}_{procedure}_{serial}")
     folder, count = Path("results") / name, 1
@@ -93,7 +93,7 @@ def new_folder(procedure: str, serial: str) -> Path:
 
 
 def seal(outcome: Outcome, warn: Callable[[str], None]) -> None:
-    """Write the manifest of a campaign that has its recording; a disk that refuses must not hide how the run ended."""
+    """Write the manifest of a campaign that has its recording; a disk error only warns and hides no other error."""
     if outcome.recording.name != RECORDING:
         return
     try:

@@ -1,4 +1,4 @@
-"""Where a recording comes from: procedure, bench, instruments, software, operator, time; and the bench again."""
+"""Describe where a recording comes from: procedure, bench, instruments, software, operator, time; restore its bench."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from benchctl.plan import Plan
 from benchctl.recordings.model import BenchFacts, Meta, Status, Unit
 from benchctl_instruments.errors import UsageError
 
-if TYPE_CHECKING:  # reports read provenance, and need no bench with all its physics for it
+if TYPE_CHECKING:  # reports read provenance and do not need a bench with all its physics
     from benchctl.campaign.opened import OpenBench
 
 
 def describe(opened: OpenBench, plan: Plan, status: Status) -> Meta:
-    """Everything about a campaign that is not a sample, as its recording keeps it."""
+    """Return everything about a campaign that is not a sample, as its recording stores it."""
     bench = opened.bench
     instruments = {
         name: {
@@ -62,12 +62,12 @@ def describe(opened: OpenBench, plan: Plan, status: Status) -> Meta:
 
 
 def recorded_bench(meta: Meta, whose: str) -> Bench:
-    """The bench that a recording was made on, as it keeps it; `whose` names the recording in an error.
+    """Return the bench that a recording was made on, from its stored texts; `whose` names the recording in errors.
 
     Raises
     ------
     UsageError
-        Where it keeps none, or its texts are no bench.
+        The recording stores no bench, or its texts are not a valid bench.
     """
     provenance = meta.provenance
     text = provenance.get("bench_toml", "")
@@ -77,7 +77,7 @@ def recorded_bench(meta: Meta, whose: str) -> Bench:
 
 
 def table_of(meta: Meta, name: str, whose: str) -> dict[str, Any]:
-    """A table that a recording's provenance keeps as JSON; empty where there is none, `UsageError` where it is none."""
+    """Return a table that the provenance stores as JSON; empty if it is absent, `UsageError` if it is not a table."""
     text = meta.provenance.get(name)
     found = json_document(text, f"{name} of {whose}") if text else {}
     if not isinstance(found, dict):
@@ -86,7 +86,7 @@ def table_of(meta: Meta, name: str, whose: str) -> dict[str, Any]:
 
 
 def bench_facts(bench: Bench) -> BenchFacts:
-    """What fits must know of the bench."""
+    """Return the facts about the bench that fits need."""
     return BenchFacts(
         sample_rate_hz=bench.digitizer.sample_rate_hz,
         encoder_counts_per_rev=bench.digitizer.encoder_counts_per_rev,
@@ -98,7 +98,7 @@ def bench_facts(bench: Bench) -> BenchFacts:
 
 
 def software() -> dict[str, str]:
-    """Versions of what a result depends on."""
+    """Return the versions of the software that a result depends on."""
     names = ("numpy", "scipy", "h5py", "pymodbus", "pyserial")
     return {
         "benchctl": benchctl.__version__,
@@ -111,5 +111,5 @@ def software() -> dict[str, str]:
 def _user() -> str:
     try:
         return getpass.getuser()
-    except (OSError, KeyError):  # no such user is known here, as in many containers
+    except (OSError, KeyError):  # the user has no name here, as in many containers
         return ""

@@ -1,9 +1,9 @@
-"""One run on a bench: an instrument belongs to one process of this machine at a time, whichever bench file names it.
+"""Reserve instruments: one belongs to one process of this machine at a time, whichever bench file names it.
 
-An instrument is known by where it is, not by how its address is spelt: a serial port by its real path and its device
-number, a network address by port and IP addresses. All names of this machine are one. The locks lie in a folder that
-depends on neither environment nor user. They do not reach other machines; `refuse_bench_in_use` finds what shows of a
-run there.
+An instrument is identified by its location, not by the spelling of its address: a serial port by its real path and its
+device number, a network address by port and IP addresses. All names of this machine count as one. The locks are in a
+folder that depends on neither environment nor user. They do not reach other machines; `refuse_bench_in_use` detects
+signs of a run there.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from benchctl_instruments.errors import UsageError, reason
 from benchctl_instruments.links.address import parse_address
 
 LOCK_PLACES = tuple(map(Path, ("C:/ProgramData",) if os.name == "nt" else ("/run/lock", "/var/lock", "/tmp")))  # noqa: S108
-"""Where the folder of the locks is made: the first one in which every user may make one. Not tried on Windows."""
+"""Possible parents of the lock folder: the first in which every user may create one is used. Not tested on Windows."""
 
 
 class BenchInUseError(UsageError):
@@ -35,19 +35,19 @@ class BenchInUseError(UsageError):
 
 @contextmanager
 def reserved(bench: Bench, purpose: str) -> Iterator[frozenset[str]]:
-    """Have the instruments of a real bench to oneself while the block runs; `purpose` is shown to others.
+    """Reserve the instruments of a real bench while the block runs; `purpose` is shown to other processes.
 
-    Yields the names of those whose last holder ended without releasing them, as a killed run does. Raises
-    `BenchInUseError` that names the instrument, and the process that has it.
+    Yields the names of the instruments whose last holder ended without releasing them, as a killed run does. Raises
+    `BenchInUseError` with the instrument and the process that has it.
     """
     abandoned = set()
     make_lock_folder()
     with ExitStack() as stack:
-        seen: set[Path] = set()  # two instruments on one bus or gateway share a lock
+        taken: set[Path] = set()  # two instruments on one bus or gateway share a lock
         for name, entry in bench.entries.items():
             addresses = filter(None, (entry.address, getattr(entry, "stream_address", None)))
-            paths = sorted({path for address in addresses for path in lock_files(address)} - seen)
-            seen.update(paths)
+            paths = sorted({path for address in addresses for path in lock_files(address)} - taken)
+            taken.update(paths)
             try:
                 was_abandoned = stack.enter_context(held(paths, f"{name} at {entry.address}", purpose))
             except UsageError as err:
@@ -58,19 +58,19 @@ def reserved(bench: Bench, purpose: str) -> Iterator[frozenset[str]]:
 
 
 def lock_folder() -> Path:
-    """Where the locks of this machine's instruments lie."""
+    """Return the folder of the locks of this machine's instruments."""
     return next((place for place in LOCK_PLACES if _is_for_all(place)), LOCK_PLACES[-1]) / "benchctl"
 
 
 def make_lock_folder() -> Path:
-    """The folder of the locks, made where it is not there; `UsageError` where that is impossible."""
+    """Return the folder of the locks, created if it does not exist; raises `UsageError` if that is impossible."""
     folder = lock_folder()
     try:
         folder.mkdir(exist_ok=True)
         if folder.is_symlink():
             raise UsageError(f"{folder}: expected a folder for the locks of instruments, this is a link; remove it")
         with suppress(PermissionError):  # another user made it
-            # not sticky: what a killed run of one user left, the next run of another one must be able to remove
+            # not sticky: another user's next run must be able to remove what a killed run left
             folder.chmod(0o777)
     except OSError as err:
         raise UsageError(f"{folder}: the locks of instruments cannot lie there: {reason(err)}; remove it") from err
@@ -78,7 +78,7 @@ def make_lock_folder() -> Path:
 
 
 def lock_files(address: str) -> tuple[Path, ...]:
-    """The files of an instrument's locks, sorted: one for each place that its address stands for.
+    """Return the lock files of an instrument, sorted: one for each location that its address refers to.
 
     >>> lock_files("tcp://LOCALHOST:702") == lock_files("socket://127.0.0.1:0702")
     True
@@ -94,7 +94,7 @@ def lock_files(address: str) -> tuple[Path, ...]:
 
 
 def _port(device: str) -> set[str]:
-    """The real path of a port and, for a container or a copy of the node may name it otherwise, its number."""
+    """Return the real path of a port and its number, because a container or a copied node may use another path."""
     path = os.path.realpath(device)
     places = {os.path.normcase(path)}
     with suppress(OSError):
@@ -110,7 +110,7 @@ def _file_name(place: str) -> str:
 
 
 def _hosts(host: str) -> set[str]:
-    """The IP addresses of a host, "localhost" for each that is this machine's; the name itself where it has none."""
+    """Return the IP addresses of a host, "localhost" for each one of this machine; the name itself if it has none."""
     try:
         found = {str(info[4][0]) for info in socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)}
     except (OSError, UnicodeError):
@@ -131,7 +131,7 @@ def _host(text: str) -> str:
 
 
 def _is_for_all(place: Path) -> bool:
-    """Whether every user may make files there; the same for each of them, whatever else they may."""
+    """Whether every user may create files there; the result is the same for all users."""
     with suppress(OSError):
         mode = place.stat().st_mode
         return stat.S_ISDIR(mode) and (os.name == "nt" or mode & 0o1777 == 0o1777)

@@ -1,6 +1,6 @@
-"""How a table is stopped and a chamber sent to its safe set point, each confirmed by reading back.
+"""Stop a table and send a chamber to its safe set point, each confirmed by reading back.
 
-The runner does it with its own links, the guard with new ones; so nothing here knows of a campaign.
+The runner does this with its own links, the guard with new ones; so nothing here depends on a campaign.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ AT_REST_DPS = 0.05
 """A table slower than this is at rest: its controller's reading has noise."""
 
 STILL_S = 0.1
-"""So long, in bench time, every look has to find it at rest: a servo that swings out passes zero as well."""
+"""Bench time during which every look must find the table at rest: a servo that overshoots passes zero as well."""
 
 _LOOK_AGAIN_S = 0.05
 
 
 def stop_table(table: RateTable, clock: Clock, within_s: float, beat: Callable[[], None]) -> float:
-    """Stop the table and wait until it rests; returns the rate [deg/s] that was read. See `wait_for_rest`."""
+    """Stop the table and wait until it is at rest; return the rate [deg/s] that was read. See `wait_for_rest`."""
     if table.state() not in (TableState.DISABLED, TableState.FAULT):
         table.stop()
-    return wait_for_rest(table, clock, within_s, beat)  # whose servo is off is stopped by its controller, or runs out
+    return wait_for_rest(table, clock, within_s, beat)  # with its servo off, the controller stops it, or it runs down
 
 
 def wait_for_rest(table: RateTable, clock: Clock, within_s: float, beat: Callable[[], None]) -> float:
-    """Wait until the table has come to rest, and return the rate [deg/s] that was read; `beat` is called at each look.
+    """Wait until the table is at rest, and return the rate [deg/s] that was read; `beat` is called at each look.
 
     Raises
     ------
     SafetyError
-        Where it still turns after `within_s` of bench time.
+        The table still turns after `within_s` of bench time.
     """
     deadline_s = clock.now() + within_s
     still_since_s = math.inf
@@ -55,10 +55,10 @@ def wait_for_rest(table: RateTable, clock: Clock, within_s: float, beat: Callabl
 
 
 def send_home(chamber: Chamber, safe_c: float, remark: Callable[[str], None]) -> float:
-    """Send the chamber to its safe set point; returns the set point [°C] that it then has.
+    """Send the chamber to its safe set point; return the set point [°C] that was read back.
 
-    It is the set point that is safe, and its driver has read it back by then. A chamber that cannot tell its air, as
-    with a sensor over range, has gone there all the same: what it says of its air goes to `remark`.
+    Only the set point has to be safe, and the driver has already read it back. If the chamber cannot report its air
+    temperature, for example with a sensor over range, the set point is valid all the same; the error goes to `remark`.
     """
     chamber.go_to(safe_c)
     try:
@@ -69,5 +69,5 @@ def send_home(chamber: Chamber, safe_c: float, remark: Callable[[str], None]) ->
 
 
 def rest_within_s(rate_dps: float, acceleration_dps2: float) -> float:
-    """Bench time [s] after which a table with these limits should rest: four times what the ramp takes, and 5 s."""
+    """Return the bench time [s] after which a table with these limits should be at rest: four times the ramp + 5 s."""
     return 5.0 + 4 * rate_dps / acceleration_dps2

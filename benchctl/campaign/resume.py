@@ -1,4 +1,4 @@
-"""Going on with a campaign that a crash or a stop ended early: what is whole, what is next, what to do before."""
+"""Resume a campaign that a crash or a stop ended early: complete steps, the next step, and what to do before it."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.interfaces import Position
 
 PLAIN_SOAK_S = 600.0
-"""How long a set point is held again that the plan had reached without a soak; the gyro's drift may make it longer."""
+"""Time for which a set point that the plan had reached without a soak is held again; the gyro's drift may extend it."""
 
 _APART_S = 1.0
-"""By how much time goes on at least, whatever the clocks say."""
+"""Minimum time between the last recorded time and the resumed recording, whatever the clocks show."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SoakAgain(Soak):
-    """The soak that makes the chamber's state again before a step which is not the campaign's first."""
+    """The soak that restores the chamber's state before a step that is not the campaign's first."""
 
     before_step: int
 
@@ -47,7 +47,7 @@ class SoakAgain(Soak):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountAgain(Mount):
-    """The mounting that makes the unit's position again before a step which is not the campaign's first."""
+    """The mounting that restores the unit's position before a step that is not the campaign's first."""
 
     before_step: int
 
@@ -59,10 +59,10 @@ class MountAgain(Mount):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Past:
-    """What is there of a campaign of `plan`, its lock held; `bench` is the one to go on with.
+    """The existing part of a campaign of `plan`, with its lock held; `bench` is the one to resume it on.
 
-    `first` is the first step that is not whole, counted from 1, or one more than there are. `elapsed_s` is where on the
-    recording's time axis it goes on. `day` counts how often it was begun before.
+    `first` is the first step that is not complete, counted from 1, or the number of steps plus one. `elapsed_s` is the
+    time in the recording at which it resumes. `day` counts how often it was started before.
     """
 
     folder: Path
@@ -77,7 +77,7 @@ class Past:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every planned step is."""
+        """Whether every planned step is complete."""
         return self.first > len(self.plan.steps)
 
     @property
@@ -86,16 +86,16 @@ class Past:
         return not self.is_whole and isinstance(self.plan.steps[self.first - 1], PowerCycle)
 
     def reopen(self) -> tuple[CampaignWriter, list[StepInfo]]:
-        """The folder, ready for the next step, and what is in it."""
+        """Return a writer of the folder, ready for the next step, and the existing steps."""
         return reopen(self.folder, len(self.plan.steps), self.lock)
 
 
 @contextmanager
 def past_of(folder: Path, plan: Plan, bench: Bench, *, seeded: bool = False) -> Iterator[Past]:
-    """A campaign's past, its lock held while the block runs.
+    """Yield a campaign's past, with its lock held while the block runs.
 
-    On a simulated bench the seed is the campaign's own unless `seeded` says that `bench` has one to compare. Raises
-    `UsageError` where the folder holds no campaign, is being written, or was begun with something else.
+    On a simulated bench the campaign's own seed is used, unless `seeded` states that `bench` has one to compare. Raises
+    `UsageError` if the folder contains no campaign, is being written, or was started with something else.
     """
     require_campaign(folder)
     lock = campaign_lock(folder)
@@ -115,39 +115,39 @@ def past_of(folder: Path, plan: Plan, bench: Bench, *, seeded: bool = False) -> 
 
 
 def steps_to_play(plan: Plan, infos: Sequence[StepInfo], safe_c: float) -> Iterator[tuple[int, int, Step]]:
-    """Index in the recording, number in the plan, and step, of everything that is still to be played, in order.
+    """Yield index in the recording, number in the plan, and step, of everything that is still to be played, in order.
 
-    `infos` are the steps that are there, `safe_c` is the set point with which the plan begins.
+    `infos` are the existing steps, `safe_c` is the set point with which the plan begins.
     """
-    whole = whole_steps(plan, infos)
+    complete = whole_steps(plan, infos)
     index = free_index(infos, len(plan.steps))
     mounted = tuple(positions(plan.steps))
-    # a unit that was left mounted across may have been taken away since
-    stands: Position | None = None if whole and mounted[max(whole) - 1] == "across" else "along"
+    # a unit that was left mounted across may have been removed since
+    current: Position | None = None if complete and mounted[max(complete) - 1] == "across" else "along"
     for number, (step, position) in enumerate(zip(plan.steps, mounted, strict=True), 1):
-        if number in whole:
+        if number in complete:
             continue
-        if position != stands and not isinstance(step, Mount):
+        if position != current and not isinstance(step, Mount):
             yield index, number, MountAgain(position=position, before_step=number)
             index += 1
-        stands = position
-        if number - 1 in whole and not isinstance(step, Soak):
+        current = position
+        if number - 1 in complete and not isinstance(step, Soak):
             yield index, number, soak_before(plan, number, safe_c)
             index += 1
         yield number, number, step
 
 
 def whole_steps(plan: Plan, infos: Sequence[StepInfo]) -> dict[int, StepInfo]:
-    """The planned steps that are there and whole, by their number."""
+    """Return the planned steps that are complete, by number."""
     return {info.index: info for info in infos if info.whole and info.index <= len(plan.steps)}
 
 
 def soak_before(plan: Plan, number: int, safe_c: float) -> SoakAgain:
-    """The soak that makes the chamber's state again before a step: the plan's last one, or a plain one after a ramp."""
+    """Return the soak that restores the chamber's state before a step: the plan's last, or a plain one after a ramp."""
     for step in reversed(plan.steps[: number - 1]):
         if isinstance(step, Soak):
-            asked = {item.name: getattr(step, item.name) for item in fields(step)}
-            return SoakAgain(**asked, before_step=number)
+            settings = {item.name: getattr(step, item.name) for item in fields(step)}
+            return SoakAgain(**settings, before_step=number)
         if isinstance(step, ThermalRamp):
             return SoakAgain(setpoint_c=step.to_c, hold_s=PLAIN_SOAK_S, before_step=number)
     return SoakAgain(setpoint_c=safe_c, hold_s=PLAIN_SOAK_S, before_step=number)
@@ -156,10 +156,10 @@ def soak_before(plan: Plan, number: int, safe_c: float) -> SoakAgain:
 def _look_back(folder: Path, lock: Lock, plan: Plan, bench: Bench, seeded: bool) -> Past:
     meta = described(folder)
     infos = sound_steps(folder)
-    whole = whole_steps(plan, infos)
+    complete = whole_steps(plan, infos)
     if bench.simulated and not seeded and "bench_physics" in meta.provenance:
         bench = as_drawn(bench, recorded_bench(meta, "the campaign").physics)
-    refuse_another(meta, whole, plan, bench)
+    refuse_another(meta, complete, plan, bench)
     journal = journal_text(folder / JOURNAL)
     day = 1 + sum(event.get("kind") == "resume" for event in events_in(journal))
     numbers = range(1, len(plan.steps) + 1)
@@ -170,14 +170,14 @@ def _look_back(folder: Path, lock: Lock, plan: Plan, bench: Bench, seeded: bool)
         plan=plan,
         bench=another_day(bench, day) if bench.simulated else bench,
         infos=infos,
-        first=next((number for number in numbers if number not in whole), len(plan.steps) + 1),
+        first=next((number for number in numbers if number not in complete), len(plan.steps) + 1),
         elapsed_s=elapsed_s(bench, infos, events_in(journal)),
         day=day,
     )
 
 
 def elapsed_s(bench: Bench, infos: Sequence[StepInfo], events: Events) -> float:
-    """Bench time since the start of the recording: by the wall clock on a real bench, whose time has gone on."""
+    """Return the bench time since the start of the recording; on a real bench the wall clock continues to count."""
     known_s = max((info.t_end for info in infos), default=0.0)
     by_the_wall_s = 0.0
     for event in events:
@@ -189,7 +189,7 @@ def elapsed_s(bench: Bench, infos: Sequence[StepInfo], events: Events) -> float:
 
 
 def _seconds_since(wall_time: str) -> float:
-    """Wall time since that instant; 0 where it is none."""
+    """Return the wall time since a time in ISO 8601; 0 if it is not valid."""
     try:
         return (datetime.now(UTC) - datetime.fromisoformat(wall_time)).total_seconds()
     except (ValueError, TypeError):

@@ -1,4 +1,4 @@
-"""Run a plan: play its steps, bring the bench to rest whatever happens, close the recording honestly."""
+"""Run a plan: play its steps, bring the bench to rest in any case, close the recording with its true status."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from benchctl_instruments.links.wirelog import logger
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """Where a run is: step `index` of `count` (from 1), what it does in it, what was last measured, bench time left."""
+    """State of a run: step `index` of `count` (from 1), activity in it, last measured values, bench time left."""
 
     index: int
     count: int
@@ -50,7 +50,7 @@ class Progress(Protocol):
     """A listener to a run; called often, so it must be quick."""
 
     def __call__(self, moment: Moment) -> None:
-        """The run is here now."""
+        """Receive the present state of the run."""
 
 
 def nobody(moment: Moment) -> None:
@@ -59,10 +59,10 @@ def nobody(moment: Moment) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What became of a campaign.
+    """The outcome of a campaign.
 
-    `recording` is the file with all steps, or the campaign's folder where that file could not be made. `error` is what
-    ended the campaign early or keeps it from being known to be safe, or None; it is never a `UsageError`.
+    `recording` is the file with all steps, or the campaign's folder if that file could not be made. `error` is what
+    ended the campaign early or prevents confirming that it is safe, or None; it is never a `UsageError`.
     """
 
     campaign: Path
@@ -87,23 +87,23 @@ def run_campaign(
     guard: Guard | None = None,
     past: Past | None = None,
 ) -> Outcome:
-    """Run a plan on an open bench and record it in `folder`, or go on with a campaign whose `past` is there.
+    """Run a plan on an open bench and record it in `folder`, or resume the campaign `past`.
 
-    Once it has begun to command the bench, whatever ends it, the table is brought to rest and the chamber sent to its
-    safe set point, each read back, before the recording is closed; the outcome says what ended it. A step in which the
-    encoder shows another motion than was demanded, or that gaps have swallowed, is played again. Errors that are no
-    `BenchError` are faults of this program: the bench is brought to rest and the recording closed all the same, then
-    they go on up.
+    Once the run has begun to command the bench, the table is brought to rest and the chamber sent to its safe set
+    point, each read back, before the recording is closed, whatever ends the run; the outcome states what ended it. A
+    step is played again if the encoder shows another motion than demanded, or if too much of it is lost in gaps.
+    Exceptions that are not `BenchError` are faults of this program: the bench is still brought to rest and the
+    recording closed, then they propagate.
 
     Raises
     ------
     UsageError
-        Before anything moves: the plan goes beyond the bench's limits, needs somebody and nobody is there, the disk has
-        no room for it, the folder cannot be written, or the instruments are not those of the `past`.
+        Before anything moves: the plan exceeds the bench's limits, needs an operator and there is none, the disk has no
+        room for it, the folder cannot be written, or the instruments are not those of the `past`.
     InstrumentError
-        Before anything is commanded: the table turns or the digitizer streams already, for another program.
+        Before anything is commanded: the table already turns or the digitizer already streams, for another program.
     LinkError
-        Before anything is commanded: the digitizer's stream is not where the bench says.
+        Before anything is commanded: the digitizer's stream is not at the address in the bench file.
     """
     refuse_problems(plan, opened.bench, folder)
     to_play = steps_to_play(plan, past.infos if past else (), opened.bench.safe.chamber_c)
@@ -129,11 +129,11 @@ def run_campaign(
 
 
 class AbortedError(BenchError):
-    """A run that had begun came to its end early by no failure of the bench: a full disk, a demand out of range."""
+    """A run that had begun ended early without a failure of the bench: a full disk, a demand out of range."""
 
 
 class _Run:
-    """The mutable side of one run."""
+    """The mutable state of one run."""
 
     def __init__(
         self,
@@ -165,7 +165,7 @@ class _Run:
         self.status: Status = "aborted"
         self.error: BenchError | None = None
         self.safe = SafeState(rate_dps=None, chamber_setpoint_c=None, problems=())
-        self._commands = False  # a bench that this run has not commanded is not this run's to bring to rest
+        self._commands = False  # a bench that this run has not commanded is not brought to rest by it
         self._supervisor = Supervisor(opened, self.event, guard)
         self._player = StepPlayer(opened, self.writer, self._supervisor, stop, self._notify, self._start_c())
         self._index, self._ends_s = 0, [end_s for _, end_s, _ in timeline(plan, opened.bench.limits, self._start_c())]
@@ -174,11 +174,11 @@ class _Run:
         self._may_be_off = past is not None and past.may_be_off
 
     def event(self, kind: str, **data: object) -> None:
-        """Note an event with the bench's time."""
+        """Record an event with the bench's time."""
         self.writer.event(kind, bench_s=round(self.opened.clock.now() - self.opened.epoch_s, 3), **data)
 
     def play(self) -> None:
-        """Play all steps, then come to rest, then close the recording."""
+        """Play all steps, then bring the bench to rest, then close the recording."""
         reason = "a fault of the program"
         try:
             with _recoveries_told(self.event):
@@ -248,7 +248,7 @@ class _Run:
         self.samples += info.samples
 
     def _free_index(self) -> int:
-        """The next index behind all that are played or were filed."""
+        """Return the next index after all that were played or stored."""
         self._last_index += 1
         return self._last_index
 
@@ -259,7 +259,7 @@ class _Run:
         opened.table.set_limits(TableLimits(rate_dps=limits.rate_dps, acceleration_dps2=limits.acceleration_dps2))
         opened.chamber.set_limits(limits.coldest_c, limits.hottest_c)
         opened.table.enable()
-        opened.chamber.go_to(self._start_c())  # whatever set point was left there, the plan begins from this one
+        opened.chamber.go_to(self._start_c())  # the plan begins at this set point, whatever was set before
         opened.chamber.start()
         self.event(
             "prepared",
@@ -292,20 +292,20 @@ class _Run:
 
 
 class _Teller(logging.Handler):
-    """Hands every record on as an event."""
+    """Forwards every log record as an event."""
 
     def __init__(self, event: Callable[..., None]) -> None:
         super().__init__()
         self._event = event
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Tell it."""
+        """Forward a record."""
         self._event("recovered", says=record.getMessage())
 
 
 @contextmanager
 def _recoveries_told(event: Callable[..., None]) -> Iterator[None]:
-    """Tell `event` of every recovery while the block runs, as kind `recovered` with what the link `says`."""
+    """Send every recovery to `event` while the block runs, as kind `recovered` with the link's message."""
     teller = _Teller(event)
     logger.addHandler(teller)
     try:

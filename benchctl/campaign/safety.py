@@ -1,4 +1,4 @@
-"""One supervisor knows the limits; one function brings the bench to rest, whatever ended the run."""
+"""Supervise a bench's limits, and bring the bench to rest, whatever ended the run."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from benchctl_instruments.errors import BenchError, InstrumentError, LinkError, 
 from benchctl_instruments.interfaces import ChamberReading, TableReading, TableState
 
 FIND_OUT = "find out why before the next run"
-"""What to do about a limit that was passed."""
+"""Advice after a limit was exceeded."""
 
 RATE_MARGIN = 1.05
-"""A measured rate or acceleration may pass its limit by this factor: ripple and overshoot of the servo, not a fault."""
+"""Factor by which a measured rate or acceleration may exceed its limit, for ripple and overshoot of the servo."""
 
 AIR_MARGIN_C = 3.0
-"""The air may pass the limits by this much: a chamber overshoots when it arrives."""
+"""The air may exceed the limits by this much: a chamber overshoots when it arrives."""
 
 _LOOK_FOR_MOTION_S = 1.0
-"""Bench time in which a table that is free shows that it rests."""
+"""Bench time in which a table that no program uses is found to be at rest."""
 
 Event = Callable[..., None]
 Answer = TypeVar("Answer")
@@ -31,9 +31,9 @@ Answer = TypeVar("Answer")
 
 @dataclass(slots=True)
 class Supervisor:
-    """Looks at the table and the chamber, and raises `SafetyError` where a limit is passed or news stay out.
+    """Reads the table and the chamber; raises `SafetyError` if a limit is exceeded or readings fail for too long.
 
-    Whatever is seen goes to the interlocks, and each look tells the guard that all is well.
+    All readings go to the interlocks, and each look sends the guard a beat.
     """
 
     opened: OpenBench
@@ -48,7 +48,7 @@ class Supervisor:
         self.interlocks = Interlocks(self.opened.bench.interlocks)
 
     def look_at_table(self) -> TableReading | None:
-        """The motion now, or the last one known while the table is silent for a moment."""
+        """Return the present motion, or the last known one while the table is briefly silent."""
         table, limits = self.opened.table, self.opened.bench.limits
         reading = self.ask("rate_table", table.read)
         if reading is None:
@@ -72,7 +72,7 @@ class Supervisor:
         return reading
 
     def look_at_chamber(self) -> ChamberReading | None:
-        """The air now, or the last reading known while the chamber is silent for a moment."""
+        """Return the present reading of the air, or the last known one while the chamber is briefly silent."""
         limits = self.opened.bench.limits
         reading = self.ask("chamber", self.opened.chamber.read)
         if reading is None:
@@ -94,7 +94,7 @@ class Supervisor:
         return reading
 
     def look_at_gyro(self) -> tuple[float, float] | None:
-        """The gyro's temperature [°C] and volts now; None while the digitizer is silent. Not while it streams."""
+        """Return the gyro's temperature [°C] and volts; None while the digitizer is silent. Fails while it streams."""
         scan = self.ask("digitizer", self.opened.digitizer.read_once)
         if scan is None:
             return None
@@ -103,13 +103,13 @@ class Supervisor:
         return gyro_c, scan.gyro_v
 
     def check_state(self) -> None:
-        """Raise `SafetyError` where the table has faulted or its servo is off."""
+        """Raise `SafetyError` if the table has a fault or its servo is off."""
         state = self.ask("rate_table", self.opened.table.state)
         if state in (TableState.FAULT, TableState.DISABLED):
             raise SafetyError(f"rate_table: {state.value}; find out why, then reset the interlock at the controller")
 
     def ask(self, name: str, question: Callable[[], Answer]) -> Answer | None:
-        """The answer, or None while an instrument is silent for a moment; after too long, a `SafetyError`."""
+        """Return the answer, or None while an instrument is briefly silent; `SafetyError` if this lasts too long."""
         self.guard.beat()
         if self.guard.lost:
             raise SafetyError(self.guard.lost)
@@ -126,7 +126,7 @@ class Supervisor:
         return answer
 
     def see(self, **looks: Range) -> None:
-        """Hold quantities, by their names in bench.toml, against the interlocks; `SafetyError` where one says stop."""
+        """Check quantities, named as in bench.toml, against the interlocks; `SafetyError` if one demands a stop."""
         changes = self.interlocks.see(self.opened.clock.now(), looks)
         for change in changes:
             self.event("interlock", says=change.says, on=change.on, value=change.value, action=change.interlock.action)
@@ -137,9 +137,9 @@ class Supervisor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafeState:
-    """What was read back once the bench was brought to rest; `problems` is empty where all of it was confirmed.
+    """What was read back after the bench was brought to rest; `problems` is empty if everything was confirmed.
 
-    `remarks` are failures that leave it at rest: a chamber at its safe set point whose air nobody knows.
+    `remarks` are failures that leave it at rest, such as a chamber at its safe set point whose air is not known.
     """
 
     rate_dps: float | None
@@ -154,10 +154,10 @@ class SafeState:
 
 
 def refuse_bench_in_use(opened: OpenBench) -> None:
-    """Raise an error where a real bench shows that another program uses it; nothing is commanded.
+    """Raise an error if a real bench shows signs of use by another program; nothing is commanded.
 
-    Another program is one on another machine, which no lock reaches: a table whose servo is on and that moves, or a
-    digitizer that streams, is its doing, or was left so. A simulated bench in this process is nobody else's.
+    This detects a program on another machine, which no lock reaches: a moving table with its servo on, or a streaming
+    digitizer, is controlled by it, or was left so. A simulated bench in this process has no other user.
     """
     if opened.bench.simulated:
         return
@@ -176,7 +176,7 @@ def refuse_bench_in_use(opened: OpenBench) -> None:
 def bring_to_rest(opened: OpenBench, beat: Callable[[], None] = lambda: None) -> SafeState:
     """Stop the stream and the table, send the chamber to its safe set point, and read both back; never raises.
 
-    One instrument's failure does not keep the others from being brought to rest. `beat` is called while it takes time.
+    A failure of one instrument does not keep the others from being brought to rest. `beat` is called meanwhile.
     """
     problems: list[str] = []
     remarks: list[str] = []
@@ -190,7 +190,7 @@ def bring_to_rest(opened: OpenBench, beat: Callable[[], None] = lambda: None) ->
 
 
 def rest_s(opened: OpenBench) -> float:
-    """Bench time [s] within which this bench's table comes to rest from any rate that it may have."""
+    """Return the bench time [s] within which this bench's table comes to rest from any possible rate."""
     return rest_within_s(opened.bench.limits.rate_dps, opened.bench.limits.acceleration_dps2)
 
 
@@ -205,6 +205,6 @@ def _guarded(problems: list[str], name: str, act: Callable[[], Answer]) -> Answe
         except LinkError:
             return act()  # one lost reply must not leave the bench in motion
     except Exception as err:
-        # Whatever it is, the other instruments are brought to rest all the same.
+        # Any error: the other instruments are still brought to rest.
         problems.append(f"{name}: {str(err).removeprefix(f'{name}: ') if isinstance(err, BenchError) else repr(err)}")
         return None

@@ -1,4 +1,4 @@
-"""When a soak is over: the air has been at the set point for long enough, and the gyro no longer drifts."""
+"""Decide when a soak is over: the air has been at the set point for long enough, and the gyro no longer drifts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DRIFT_WINDOW_S = 600.0
 
 
 def one_poll(time_s: float, air: ChamberReading, more: dict[str, float]) -> dict[str, float]:
-    """The polled channels of one look at the chamber, and `more`."""
+    """Return the polled channels of one reading of the chamber, and `more`."""
     return {
         "poll_time_s": time_s,
         "poll_chamber_temp_c": air.temperature_c,
@@ -30,7 +30,7 @@ def one_poll(time_s: float, air: ChamberReading, more: dict[str, float]) -> dict
 class SoakWatch:
     """Follows a soak poll by poll; times in seconds since the start of the recording.
 
-    `held_s` is how long the air has been within the tolerance, None while it is not.
+    `held_s` is how long the air has been within the tolerance; None while it is not.
     """
 
     step: Soak
@@ -45,12 +45,12 @@ class SoakWatch:
     _gyro: deque[tuple[float, float]] = field(default_factory=deque)
 
     def see(self, now_s: float, air_c: float, gyro_c: float) -> None:
-        """Take a poll into account.
+        """Update with a poll.
 
         Raises
         ------
         SafetyError
-            Where the soak has not come to an end in time: a chamber that stalls is not waited for for ever.
+            The soak has not ended in time; the run does not wait indefinitely for a chamber that stalls.
         """
         step = self.step
         self._gyro.append((now_s, gyro_c))

@@ -1,17 +1,17 @@
-"""A request to stop: a signal (Ctrl-C, the system) or a file in the campaign's folder (the live page).
+"""Stop requests: a signal (Ctrl-C, the system) or a file in the campaign's folder (the live page).
 
-An exception out of a signal handler could tear an exchange with an instrument in two, and the next answer on that link
-would be that of the question before. So the handler only takes a note, which the runner heeds between two looks.
+An exception raised in a signal handler could interrupt an exchange with an instrument, and the next answer on that link
+would belong to the previous question. So the handler only sets a flag, which the runner checks between two looks.
 
-A process that sends no signals leaves a file:
+A process that sends no signals writes a file:
 
 ```
 {"who": "operator", "asked_utc": "2026-11-20T18:00:00+00:00"}
 ```
 
-It needs no more than the folder, and the run looks for the file between two looks at its instruments. The file counts
-only for the run that holds the campaign's lock, and only where it was written since that took it: what an earlier run
-left behind stops nobody. It is removed once the campaign is closed, and no manifest names it.
+This requires only the folder, and the run looks for the file between two looks at its instruments. The file counts only
+for the run that holds the campaign's lock, and only if it was written after the lock was taken: a file from an earlier
+run stops nothing. It is removed once the campaign is closed, and no manifest lists it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from benchctl.recordings.schema import LOCK, STOP
 from benchctl_instruments.errors import BenchError, UsageError
 
 _LOOK_EVERY_S = 0.2
-"""Wall time between two looks at what may ask for a stop beside the signals: `heed` is called thousands of times."""
+"""Wall time between two checks of other sources than the signals: `heed` is called thousands of times."""
 
 
 class StoppedError(BenchError):
@@ -42,7 +42,7 @@ class StoppedError(BenchError):
 
 
 class StopRequest:
-    """Whether, and by what, the run was asked to stop."""
+    """Whether a stop of the run was requested, and by what."""
 
     def __init__(self) -> None:
         self.reason = ""
@@ -50,15 +50,15 @@ class StopRequest:
         self._look_s = 0.0
 
     def ask(self, reason: str) -> None:
-        """Ask for a stop; the first reason stays."""
+        """Request a stop; the first reason is kept."""
         self.reason = self.reason or reason
 
     def watch(self, asked: Callable[[], str]) -> None:
-        """Let `heed` look there too, at most five times a second: `asked` says who wants a stop, or nothing."""
+        """Let `heed` also call this function, at most five times a second; it returns who requests a stop, or ""."""
         self._asked = asked
 
     def heed(self) -> None:
-        """Raise `StoppedError` where a stop was asked for."""
+        """Raise `StoppedError` if a stop was requested."""
         if self._asked is not None and time.monotonic() >= self._look_s:
             self._look_s = time.monotonic() + _LOOK_EVERY_S
             self.ask(self._asked())
@@ -68,12 +68,12 @@ class StopRequest:
 
 @contextmanager
 def stop_on_signals(*, deaf_after: bool = True) -> Iterator[StopRequest]:
-    """A `StopRequest` that Ctrl-C, SIGTERM, SIGHUP and Windows' Ctrl-Break set while the block runs.
+    """Yield a `StopRequest` that is set by Ctrl-C, SIGTERM, SIGHUP and Windows' Ctrl-Break while the block runs.
 
-    Whoever has asked once need not ask again: from then on these signals change nothing any more, so that coming to
-    rest is not cut short; with `deaf_after` nor is the end of the program, which then is to follow. A SIGHUP that is
-    ignored, as under nohup, stays ignored. Outside the main thread, where Python takes no signals, the request can only
-    be set by hand.
+    One signal is enough: after the first, further signals have no effect, so that coming to rest is not cut short. With
+    `deaf_after` they are also ignored after the block, where the program should end. A SIGHUP that is ignored, as under
+    nohup, stays ignored. Outside the main thread, where Python receives no signals, the request can only be set by
+    `ask`.
     """
     request = StopRequest()
     if threading.current_thread() is not threading.main_thread():
@@ -99,18 +99,18 @@ _LONGEST_WHO = 60
 
 
 class NotRunningError(UsageError):
-    """No process writes the campaign: there is no run to stop."""
+    """No process writes the campaign, so there is no run to stop."""
 
 
 def ask_by_file(folder: Path, who: str) -> None:
-    """Ask the run that writes a campaign's folder to stop; `who` asks, in a word or two.
+    """Request a stop of the run that writes a campaign's folder; `who` names the requester, in a word or two.
 
     Raises
     ------
     NotRunningError
-        Where no run holds the campaign's lock, or it ended meanwhile.
+        No run holds the campaign's lock, or it ended meanwhile.
     UsageError
-        Where the folder may not be written to.
+        The folder is not writable.
     """
     _require_run(folder)
     with whole_file(folder / STOP) as temporary:
@@ -123,12 +123,12 @@ def ask_by_file(folder: Path, who: str) -> None:
 
 
 def is_asked(folder: Path) -> bool:
-    """Whether a wish to stop lies in a campaign's folder that its run has not heeded yet."""
+    """Whether a campaign's folder contains a stop request that its run has not obeyed yet."""
     return (folder / STOP).exists()
 
 
 def heed_file(stop: StopRequest, folder: Path) -> None:
-    """Let a run's `stop` also heed what is asked in its campaign's folder, which need not be there yet."""
+    """Let a run's `stop` also obey the request in its campaign's folder, which need not exist yet."""
     path = folder / STOP
 
     def asked() -> str:
@@ -142,15 +142,15 @@ def heed_file(stop: StopRequest, folder: Path) -> None:
 
 
 def forget_stop(folder: Path) -> None:
-    """Remove a wish to stop; who calls this has the campaign's lock, or has just closed the campaign."""
+    """Remove a stop request; the caller has the campaign's lock, or has just closed the campaign."""
     with suppress(OSError):
         (folder / STOP).unlink()
 
 
 def forget_stale_stop(folder: Path) -> None:
-    """Remove a wish to stop that an earlier run has left; one that came since the lock was taken stays.
+    """Remove a stop request that an earlier run has left; one that came after the lock was taken stays.
 
-    Who calls this has the campaign's lock.
+    The caller has the campaign's lock.
     """
     with suppress(OSError):
         if (folder / STOP).stat().st_mtime_ns < (folder / LOCK).with_suffix(".json").stat().st_mtime_ns:
@@ -163,7 +163,7 @@ def _require_run(folder: Path) -> None:
 
 
 def _who(path: Path) -> str:
-    """Who asks, as far as the file states it: a stop is heeded whatever is in it."""
+    """Return the requester that the file states; a stop is obeyed whatever the file contains."""
     try:
         who = read_json(path, "stop request")["who"]
     except (UsageError, KeyError, TypeError):

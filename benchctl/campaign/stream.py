@@ -1,16 +1,16 @@
-"""Record the digitizer's stream into a step: scans to channels, gaps counted, nothing lost silently.
+"""Record the digitizer's stream into a step: convert scans to channels, count gaps, lose nothing silently.
 
-The stream outlives its own end: where it falls silent it is started anew, and its scans go on counting. A driver
-reconnects by itself, and what it lost then is a gap. Beyond that nothing shows whether a stream goes on, so after a
-question without an answer this is done at the next one:
+A stream that falls silent is restarted, and its scans continue to be counted. A driver reconnects by itself, and what
+it loses then is a gap. Otherwise nothing shows whether a stream is still running, so after a read without an answer the
+next read does this:
 
-| what came meanwhile                        | what is done                                                          |
-|--------------------------------------------|-----------------------------------------------------------------------|
-| scans of the same stream                   | they are taken: nothing is missing, or what their numbers show        |
-| nothing, or it never brought a single scan | it is stopped and started anew: what lies between the two is a gap    |
+| what arrived meanwhile                  | action                                                              |
+|-----------------------------------------|---------------------------------------------------------------------|
+| scans of the same stream                | they are used: nothing is missing, or what their numbers show       |
+| nothing, or it never delivered any scan | it is stopped and restarted: what lies between the two is a gap     |
 
-The instants of the new stream are those that the digitizer states for it, on its own counter: scans before and behind
-the gap share one clock, if not one grid. How often to ask is the caller's affair.
+The times of the new stream are those that the digitizer reports for it, on its own counter: scans before and after the
+gap share one clock, but not necessarily one grid. The caller decides how often to read.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ Instant = TypeVar("Instant", float, FloatArray)
 
 
 class LastingStream:
-    """The stream of a step, which begins at once.
+    """The stream of a step, which begins immediately.
 
     Parameters
     ----------
     digitizer
         No stream runs on it yet.
     clock
-        Bench time: a stream that was started anew needs some of it for its first scans.
+        Bench time: a restarted stream needs some of it for its first scans.
     rate_hz
-        Scans a second.
+        Scans per second.
     patience_s
-        How long to wait for scans, wall time; twice, before a stream is started anew.
+        Wall time to wait for scans; twice, before a stream is restarted.
     first_scans_s
         Bench time in which the first scans of a stream arrive.
     beat
-        Called between the parts of a recovery, each of which may take as long as a time-out.
+        Called between the parts of a recovery, each of which may take as long as a timeout.
     """
 
     def __init__(
@@ -72,17 +72,17 @@ class LastingStream:
         self.rate_hz = start.rate_hz
         self._first_s, self._first_index = start.start_s, 0  # of the present stream's first scan
         self._next_index = 0
-        self._brought_some = False  # the present stream
-        self._failure: LinkError | None = None  # why the last question had no answer
+        self._brought_some = False  # whether the present stream delivered any scan
+        self._failure: LinkError | None = None  # why the last read failed
 
     def instant_s(self, index: Instant) -> Instant:
-        """When scans were taken, on the digitizer's counter; for those of the latest block and what follows it."""
+        """Return when scans were taken, on the digitizer's counter; for scans of the latest block and after it."""
         return self._first_s + (index - self._first_index) / self.rate_hz
 
     def read(self, scans: int) -> ScanBlock:
-        """At least `scans` scans; fewer before a gap, or where they come late or from a stream that was started anew.
+        """Return at least `scans` scans; fewer before a gap, or if they are late or come from a restarted stream.
 
-        Raises `LinkError` where none came: then it may be asked again, as long as the caller has patience.
+        Raises `LinkError` if none arrived: the caller may then read again, as long as it has patience.
         """
         try:
             block = self._read(scans)
@@ -110,13 +110,13 @@ class LastingStream:
         return block
 
     def _start_anew(self) -> None:
-        self._brought_some = False  # what still waits in the digitizer is discarded
+        self._brought_some = False  # scans that still wait in the digitizer are discarded
         self._beat()
         self._digitizer.stop_stream()
         self._beat()
         start = self._digitizer.start_stream(self._wanted_hz)
         passed = round((start.start_s - self._first_s) * self.rate_hz)
-        self._first_index = max(self._next_index + 1, self._first_index + passed)  # its grid is another: never no gap
+        self._first_index = max(self._next_index + 1, self._first_index + passed)  # another grid: always a gap
         self._first_s = start.start_s
         self._beat()
         self._clock.sleep(self._first_scans_s)
@@ -126,24 +126,24 @@ POLL_CHANNELS = ("poll_time_s", "poll_chamber_temp_c", "poll_chamber_setpoint_c"
 STREAM_CHANNELS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", *POLL_CHANNELS)
 
 IN_FLIGHT_SCANS = 128
-"""Scans may wait in a packet that is not yet full: this many are not asked for until later."""
+"""Scans that may wait in a packet that is not yet full: so many are not read until later."""
 
 PATIENCE = 0.5
-"""Scans are waited for so much of `silence_s`, then the table and the chamber are looked at again."""
+"""Share of `silence_s` to wait for scans before the table and the chamber are looked at again."""
 
 
 LEAST_SHARE = 0.5
-"""A step with a smaller share of its scans is not complete: the rest is gaps, in which nobody saw the motion."""
+"""A step with a smaller share of its scans is not complete: in the gaps the motion was not observed."""
 
 
 class StepError(SafetyError):
-    """What was recorded is not what the step demands; it can be played again."""
+    """The recorded data do not show what the step demands; the step can be played again."""
 
 
 class StreamRecorder:
-    """Records the stream of a step, which begins at once; the supervisor sees what is recorded.
+    """Records the stream of a step, which begins immediately; the supervisor checks what is recorded.
 
-    `t_start` is the first scan's instant, seconds since the start of the recording.
+    `t_start` is the time of the first scan, in seconds since the start of the recording.
     """
 
     def __init__(self, opened: OpenBench, supervisor: Supervisor, into: StepWriter, step: Step) -> None:
@@ -176,12 +176,12 @@ class StreamRecorder:
 
     @property
     def rate_hz(self) -> float:
-        """Scans a second, as the digitizer states it."""
+        """Scans per second, as reported by the digitizer."""
         return self._stream.rate_hz
 
     @property
     def t_end(self) -> float:
-        """The instant after the last scan that was taken, seconds since the start of the recording."""
+        """The time after the last scan that was read, in seconds since the start of the recording."""
         return self._opened.elapsed_s + self._stream.instant_s(float(self._next_index))
 
     @property
@@ -191,17 +191,17 @@ class StreamRecorder:
 
     @property
     def next_chunk_s(self) -> float:
-        """How much bench time to let pass before the next `take`."""
-        if self._silent:  # else a step whose time is over would be asked for without a pause
+        """Bench time to wait before the next `take`."""
+        if self._silent:  # else a step whose time is over would be read without a pause
             return self._opened.clock.chunk_s
         needed_s = (self._wanted + IN_FLIGHT_SCANS + 1) / self._stream.rate_hz
         elapsed_s = self._opened.clock.now() - self._begin_s
         return max(1 / self._stream.rate_hz, min(self._opened.clock.chunk_s, needed_s - elapsed_s))
 
     def take(self) -> None:
-        """Take what is due by now and write it; less while the digitizer is silent for a moment.
+        """Read the scans that are due and write them; fewer while the digitizer is briefly silent.
 
-        Raises `StepError` where the encoder shows another motion than the step demands.
+        Raises `StepError` if the encoder shows another motion than the step demands.
         """
         elapsed_s = self._opened.clock.now() - self._begin_s
         due = min(self._wanted, int(elapsed_s * self._stream.rate_hz) - IN_FLIGHT_SCANS)
@@ -213,7 +213,7 @@ class StreamRecorder:
             self._write(block)
 
     def refuse_few_samples(self) -> None:
-        """Raise `StepError` where gaps have left too little of a step that is over."""
+        """Raise `StepError` if gaps have left too few samples in a step that is over."""
         if self.samples < LEAST_SHARE * self._wanted:
             raise StepError(
                 f"digitizer: {self.samples} of {self._wanted} scans of a step came, the rest is missing; look for what "
@@ -254,23 +254,23 @@ class StreamRecorder:
         self._refuse_other_motion(block.first_index, count)
 
     def _refuse_other_motion(self, first_index: int, count: IntArray) -> None:
-        seen = self._held.look(first_index, count)
-        if seen is None:
+        deviation = self._held.look(first_index, count)
+        if deviation is None:
             return
-        time_s = self._opened.elapsed_s + self._stream.instant_s(float(seen.index))
-        says = (
-            f"the encoder shows a {seen.quantity} of {seen.measured_dps:+.3f} deg/s at {time_s:.3f} s, "
-            f"expected {seen.demanded_dps:+.3f} ± {seen.tolerance_dps:.3f}"
+        time_s = self._opened.elapsed_s + self._stream.instant_s(float(deviation.index))
+        text = (
+            f"the encoder shows a {deviation.quantity} of {deviation.measured_dps:+.3f} deg/s at {time_s:.3f} s, "
+            f"expected {deviation.demanded_dps:+.3f} ± {deviation.tolerance_dps:.3f}"
         )
         self._supervisor.event(
             "motion",
-            says=says,
+            says=text,
             time_s=round(time_s, 6),
-            demanded_dps=round(seen.demanded_dps, 6),
-            measured_dps=round(seen.measured_dps, 6),
-            tolerance_dps=round(seen.tolerance_dps, 6),
+            demanded_dps=round(deviation.demanded_dps, 6),
+            measured_dps=round(deviation.measured_dps, 6),
+            tolerance_dps=round(deviation.tolerance_dps, 6),
         )
-        raise StepError(f"rate_table: {says}; look whether another program commands it, and {FIND_OUT}")
+        raise StepError(f"rate_table: {text}; look whether another program commands it, and {FIND_OUT}")
 
     def _refuse_beyond(self, accelerations_dps2: FloatArray) -> None:
         limit_dps2 = self._opened.bench.limits.acceleration_dps2

@@ -1,9 +1,9 @@
-"""How long a plan takes and how much it records, computed without an instrument.
+"""Compute how long a plan takes and how much it records, without an instrument.
 
-A campaign's journal keeps the plan, so that whoever follows the run knows what is still to come: events of kind `plan`,
-each with `of` (how many steps the plan has) and a part of them: `steps`, a list of objects with `index` (from 1),
-`label`, `kind`, `t_start_s`, `t_end_s` (bench time, if the campaign is played from its beginning), `streamed_s` (how
-much of that is streamed) and `setpoint_c` (at the step's end); of a soak also `hold_s`, `tolerance_c` and
+A campaign's journal contains the plan, so that a viewer of the run knows the steps to come: events of kind `plan`, each
+with `of` (the number of steps in the plan) and some of the steps: `steps`, a list of objects with `index` (from 1),
+`label`, `kind`, `t_start_s`, `t_end_s` (bench time, if the campaign is played from its beginning), `streamed_s` (the
+streamed part of that time) and `setpoint_c` (at the step's end); for a soak also `hold_s`, `tolerance_c` and
 `drift_c_per_min`.
 """
 
@@ -16,20 +16,20 @@ from benchctl.bench import Limits
 from benchctl.plan import Ask, ConstantRate, Mount, Plan, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
 
 BYTES_PER_SCAN = 10
-"""What one scan of four channels takes in a recording, compressed: 8 at the most where the gyro fills its converter."""
+"""Compressed size of a four-channel scan in a recording: at most 8 if the gyro uses the converter's full range."""
 
 BYTES_PER_SCAN_IN_A_PART = 32
-"""What a scan takes in the file of the step that is being written: four channels of float64."""
+"""Size of a scan in the file of the step that is being written: four channels of float64."""
 
 BYTES_PER_STEP = 40_000
-"""What a step takes besides its scans: descriptions, digests, polls."""
+"""Size of a step in addition to its scans: descriptions, digests, polls."""
 
 OPERATOR_S = 120.0
-"""Bench time that somebody is taken to need to mount a unit otherwise, or for whatever else is asked."""
+"""Bench time assumed for an operator's action, such as mounting a unit in another position."""
 
 
 def step_s(step: Step, from_c: float, limits: Limits) -> float:
-    """Bench time [s] of a step that begins with the chamber at `from_c`; spin-up at half the acceleration limit."""
+    """Return the bench time [s] of a step, the chamber at `from_c` at first; spin-up at half the acceleration limit."""
     spin_up_s = 2 * step.peak_rate_dps / (0.5 * limits.acceleration_dps2)
     match step:
         case Soak():
@@ -45,7 +45,7 @@ def step_s(step: Step, from_c: float, limits: Limits) -> float:
 
 
 def set_point_after(step: Step, before_c: float) -> float:
-    """The chamber's set point once a step is over."""
+    """Return the chamber's set point at the end of a step."""
     match step:
         case Soak():
             return step.setpoint_c
@@ -56,7 +56,7 @@ def set_point_after(step: Step, before_c: float) -> float:
 
 
 def timeline(plan: Plan, limits: Limits, from_c: float) -> Iterator[tuple[float, float, float]]:
-    """For each step its start, its end [s of bench time] and the set point [°C] at its end."""
+    """Yield, for each step, its start and end [s of bench time] and the set point [°C] at its end."""
     now_s, setpoint_c = 0.0, from_c
     for step in plan.steps:
         end_s = now_s + step_s(step, setpoint_c, limits)
@@ -66,12 +66,12 @@ def timeline(plan: Plan, limits: Limits, from_c: float) -> Iterator[tuple[float,
 
 
 def disk_bytes(plan: Plan, sample_rate_hz: float) -> int:
-    """What the campaign needs on disk at the most: while a step is closed, or while all are gathered in one file."""
+    """Return the maximum disk space for the campaign: while a step is closed, or while all are gathered in one file."""
     return max(_need_by_step(plan, sample_rate_hz), default=0)
 
 
 def step_that_fills(plan: Plan, sample_rate_hz: float, free_bytes: float) -> int | None:
-    """The step, counted from 1, at which so many free bytes would be used up; None where they are enough."""
+    """Return the step, counted from 1, at which the free bytes are used up; None if they are enough."""
     for number, need in enumerate(_need_by_step(plan, sample_rate_hz), 1):
         if need > free_bytes:
             return min(number, len(plan.steps))
@@ -79,10 +79,10 @@ def step_that_fills(plan: Plan, sample_rate_hz: float, free_bytes: float) -> int
 
 
 def _need_by_step(plan: Plan, sample_rate_hz: float) -> Iterator[int]:
-    """What is needed to close each step, and at last to gather them all.
+    """Yield the bytes needed to close each step, and finally to gather all steps.
 
-    A step is closed by writing it once more, compressed; before that its file takes all of it, and room for as much is
-    demanded.
+    A step is closed by writing it again, compressed; until then its file has its full size, and the same room is
+    required again.
     """
     finished = 0
     for step in plan.steps:
@@ -93,13 +93,13 @@ def _need_by_step(plan: Plan, sample_rate_hz: float) -> Iterator[int]:
 
 
 STEPS_A_LINE = 200
-"""A line of the journal stays far below what its readers take."""
+"""A line of the journal stays far below the limit of its readers."""
 SOAK = ("hold_s", "tolerance_c", "drift_c_per_min")
 """What a soak waits for."""
 
 
 def plan_events(plan: Plan, limits: Limits, from_c: float) -> Iterator[dict[str, Any]]:
-    """What the events of a plan say, in order; `from_c` is the set point with which it begins."""
+    """Yield the data of the journal events of a plan, in order; `from_c` is the set point with which it begins."""
     times = timeline(plan, limits, from_c)
     steps = [
         {

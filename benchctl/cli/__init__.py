@@ -1,10 +1,10 @@
-"""The command line: one short file a verb. What a verb needs is imported when it runs, so that `--help` is quick."""
+"""The command line interface: one short module per verb, imported only when the verb runs, so that `--help` is fast."""
 
 import sys
 
 
 def main() -> None:
-    """The console script; Ctrl-C while it is being loaded, or as it ends, is no traceback either."""
+    """Run the console script; Ctrl-C during import or at exit prints no traceback."""
     try:
         from benchctl.cli.app import main as run
 

@@ -1,4 +1,4 @@
-"""`benchctl accept`: the tests of a gyro with limits."""
+"""`benchctl accept`: judge the tests of a gyro by limits."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ def accept(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Measure what the recording shows of the gyro, judge it by limits, and write the report.
+    """Measure the gyro's characteristics from the recording, judge them by limits, and write the report.
 
-    PASS, FAIL or INCONCLUSIVE each, with expanded uncertainty (95.45 %) and guard band. Writes `acceptance.html`,
-    `.pdf`, `.xml` (JUnit) and `.json`. Exit status 1 unless all that has a limit passes.
+    Each verdict is PASS, FAIL or INCONCLUSIVE, with expanded uncertainty (95.45 %) and guard band. Writes
+    `acceptance.html`, `.pdf`, `.xml` (JUnit) and `.json`. Exit status 1 unless every test with a limit passes.
 
     Example: `benchctl accept results/20261120-180000_acceptance_SIM-0001 --limits lab/limits.toml`
     """
+    from benchctl.app.accept import accept_recording
     from benchctl.cli.output import report_folder
     from benchctl.metrology.limit_file import read_limits
-    from benchctl.reports.accepting import accept_recording
 
     with result_of("accept", json_to, quiet) as result:
-        told = read_limits(limits)
-        folder = report_folder(recording, out, json_to, quiet=False, kind="acceptance")  # QA files it, whoever asks
-        found = accept_recording(recording, told)
+        limits_read = read_limits(limits)
+        folder = report_folder(recording, out, json_to, quiet=False, kind="acceptance")  # QA always needs the report
+        found = accept_recording(recording, limits_read)
         result.values |= found.values()
         result.say(found.lines(lang))
         if folder is not None:

@@ -1,4 +1,4 @@
-"""`benchctl allan`: the Allan deviation of a channel, or of a column of a text file."""
+"""`benchctl allan`: compute the Allan deviation of a channel, or of a column of a text file."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ def allan(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Say over which averaging time a gyro is how quiet, with intervals, and of what noises that is made.
+    """Compute the Allan deviation and the noise coefficients with confidence intervals.
 
     Writes `allan.html` and `allan.csv`; with --quiet and --json, without --out, only the JSON. Q, N, B, K and R are
-    stated with 95 % intervals, or refused where the record does not show their slope.
+    reported with 95 % intervals, or refused with a reason if the record does not show their slope.
 
     Example: `benchctl allan recording.h5`, `benchctl allan rates.csv --channel rate_dps --rate-hz 100`
     """
@@ -81,7 +81,7 @@ def allan(
         else:
             with open_recording(source) as recording:
                 series = series_of_step(recording, channel, step, scale_v_per_dps)
-        # Loaded when there is something to analyse and to draw: what cannot be used is refused at once.
+        # Imported only now, so that unusable input is refused without delay.
         from benchctl.metrology.allan import analysed
         from benchctl.reports import allan_report
 

@@ -1,4 +1,4 @@
-"""The console script, and what every verb owes its user: one line for an error, and the right exit status."""
+"""The console script; prints each error as one line and returns the exit status."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from benchctl_instruments.errors import BenchError, UsageError
 _STOPPED = 130
 """The exit status of a program that SIGINT ended."""
 _KEEP_MEMORY = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(1 << 62), "MALLOC_ARENA_MAX": "1"}
-"""Let the GNU C library keep what memory the process has had, for its next large arrays, in one heap for all threads.
+"""Settings by which the GNU C library keeps freed memory for later large arrays, in one heap for all threads.
 
-By default every array above 32 MB has pages of its own, which the system clears each time: more than a quarter of the
-processor time of a diagnosis of ten million rows.
+By default it returns every array above 32 MB to the system, which clears the pages again at the next allocation. This
+takes more than a quarter of the processor time of a diagnosis of ten million rows.
 """
 
 
 def main() -> None:
-    """The console script."""
+    """Run the console script."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a character that the terminal has not is written as its number
+        if isinstance(stream, io.TextIOWrapper):  # characters the terminal cannot show are escaped
             stream.reconfigure(errors="backslashreplace")
     if sys.argv[1:2] == ["diagnose"]:
         _keep_memory()
@@ -35,17 +35,17 @@ def main() -> None:
 
 
 def _keep_memory() -> None:
-    """Begin this program anew with `_KEEP_MEMORY`, which the C library reads only when a program begins."""
+    """Restart this program with `_KEEP_MEMORY` set, since the C library reads it only at program start."""
     if not sys.platform.startswith("linux"):
         return
     if any(name not in os.environ for name in _KEEP_MEMORY):
         os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], {**_KEEP_MEMORY, **os.environ})  # noqa: S606
-    for name in _KEEP_MEMORY:  # for this process alone
+    for name in _KEEP_MEMORY:  # child processes do not inherit it
         del os.environ[name]
 
 
 def run_verb(arguments: list[str]) -> int:
-    """Run a verb and return its exit status: 0 to 3 (`benchctl_instruments.errors`), 130 for Ctrl-C in between."""
+    """Run a verb and return its exit status: 0 to 3 (see `benchctl_instruments.errors`), or 130 after Ctrl-C."""
     try:
         for argument in arguments:
             if any("\ud800" <= character <= "\udfff" for character in argument):
@@ -67,7 +67,7 @@ def run_verb(arguments: list[str]) -> int:
 
 
 def _without_verb(arguments: list[str]) -> int:
-    """What benchctl does by itself."""
+    """Run benchctl with an option or nothing in place of a verb; return the exit status."""
     match arguments:
         case []:
             tell(overview(), err=True)

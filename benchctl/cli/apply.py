@@ -1,4 +1,4 @@
-"""`benchctl apply`: the compensated rate of a recording, in a file of its own."""
+"""`benchctl apply`: write the compensated rate of a recording to a separate file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from benchctl.cli.output import (
 
 
 class LawChoice(StrEnum):
-    """Which law of the coefficients is taken."""
+    """The law of the coefficients to apply."""
 
     joint = "joint"
     stages = "stages"
@@ -40,10 +40,10 @@ def apply(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Compensate a recording: a copy of it with the rate as a further channel, `compensated_dps`.
+    """Compensate a recording: write a copy with the compensated rate in an additional channel, `compensated_dps`.
 
-    `compensated_valid` beside it is 1 where the coefficients were measured at such a rate and temperature. The
-    recording itself is left as it is.
+    A second channel, `compensated_valid`, is 1 where rate and temperature are in the range in which the coefficients
+    were measured. The original recording is not changed.
 
     Example: `benchctl apply recording.h5 --coefficients coefficients.json`
     """

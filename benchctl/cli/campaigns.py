@@ -1,4 +1,4 @@
-"""What the verbs that run a campaign share: running and resuming it at a terminal, and its summary."""
+"""Run and resume a campaign at a terminal, and summarize it; shared by the verbs that run campaigns."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def play(
     past: Past | None = None,
     answers: Answers | None = None,
 ) -> Outcome:
-    """Run a plan on a bench, or go on with its `past`, as `playing.play` does, telling at the terminal how it goes."""
+    """Run a plan on a bench, or resume it from its `past`, with `playing.play`; show progress at the terminal."""
 
     def warn(says: str) -> None:
         tell(f"benchctl: warning: {says}", err=True)
@@ -44,7 +44,7 @@ def play(
 
 
 def told(outcome: Outcome) -> dict[str, Any]:
-    """What `--json` says of a campaign, whichever verb ran it."""
+    """Return the values that `--json` states for a campaign, the same for every verb."""
     return {
         "recording": outcome.recording,
         "status": outcome.status,
@@ -56,7 +56,7 @@ def told(outcome: Outcome) -> dict[str, Any]:
 
 
 def summary(outcome: Outcome) -> str:
-    """The campaign in a few lines."""
+    """Return a summary of the campaign in a few lines."""
     lines = [
         f"{outcome.status}: {outcome.whole} of {outcome.planned} steps whole, {outcome.samples:,} samples, "
         f"{duration(outcome.bench_time_s)} of bench time in {duration(outcome.wall_time_s)}",
@@ -79,9 +79,9 @@ def _bytes(path: Path) -> int:
 def resumed(
     plan: Plan, bench: Bench, folder: Path, *, seeded: bool, yes: bool, quiet: bool, answers: Answers | None = None
 ) -> Outcome:
-    """Go on with a campaign; one whose steps are all whole is closed where it is not, and nothing moves.
+    """Resume a campaign. If all its steps are complete, only close it; nothing moves.
 
-    Raises `UsageError` where it is not the same campaign, or nobody has said that the table may move.
+    Raises `UsageError` if it is not the same campaign, or if the operator has not confirmed that the table may move.
     """
     with past_of(folder, plan, bench, seeded=seeded) as past:
         if not past.is_whole:
@@ -95,27 +95,27 @@ def resumed(
 def _ask(past: Past) -> None:
     count = len(past.plan.steps)
     next_step = past.plan.steps[past.first - 1].label
-    says = (
+    message = (
         f"{past.folder}: {past.first - 1} of {count} steps are whole; step {past.first}, {next_step}, is next on "
         f"{past.bench.name}. The chamber will be soaked and the table will move."
     )
     if not sys.stdin.isatty():
-        raise UsageError(f"--resume {says} Nobody is at the terminal to be asked: say --yes where that is safe")
-    if not typer.confirm(f"{says} Is everybody clear of it?", err=True):
+        raise UsageError(f"--resume {message} Nobody is at the terminal to be asked: say --yes where that is safe")
+    if not typer.confirm(f"{message} Is everybody clear of it?", err=True):
         raise UsageError(f"--resume {past.folder}: not confirmed; nothing has moved, and the campaign is as it was")
 
 
 def _closed(past: Past) -> Outcome:
-    """What a run would have told of a campaign all of whose steps are whole."""
+    """Close a campaign whose steps are all complete, and return its outcome."""
     began_s = time.monotonic()
     closed = recover(past.folder)
-    whole = len(whole_steps(past.plan, closed.steps))
+    complete = len(whole_steps(past.plan, closed.steps))
     return Outcome(
         campaign=past.folder,
         recording=closed.recording,
         status=closed.status,
         planned=len(past.plan.steps),
-        whole=whole,
+        whole=complete,
         samples=sum(info.samples for info in closed.steps),
         bench_time_s=past.elapsed_s,
         wall_time_s=time.monotonic() - began_s,

@@ -1,4 +1,4 @@
-"""What may stand at a place of the command line, for completion; nothing here runs a file that was only named."""
+"""Completion candidates for arguments and options; a file named on the command line is never executed."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from pathlib import Path
 import typer
 
 _RECORDING_FILES = ("recording.h5", "campaign.h5", "recording.json")
-"""What a folder that is a recording holds, one of them."""
+"""A folder that contains one of these files is a recording."""
 
 Candidate = tuple[str, str]
-"""What may stand there, and a word on it. One that ends in `/` or `=` is not whole yet."""
+"""A candidate and its description. A candidate that ends in `/` or `=` is incomplete."""
 
 
 def procedures_named(incomplete: str) -> list[Candidate]:
-    """Installed procedures, and files that may hold one."""
+    """Return installed procedures and Python files."""
     from benchctl.plan.find import procedure_names
 
     found = [(name, "") for name in procedure_names() if name.startswith(incomplete)]
@@ -25,40 +25,43 @@ def procedures_named(incomplete: str) -> list[Candidate]:
 
 
 def parameters_of(ctx: typer.Context, incomplete: str) -> list[Candidate]:
-    """The parameters of the procedure that stands on the line; after the `=` the default."""
+    """Return the parameters of the procedure on the command line; after `=` their defaults."""
     procedure = str(ctx.params.get("procedure") or "")
     given = {text.partition("=")[0] for text in ctx.params.get("parameter") or ()}
     known = _parameters_in(Path(procedure)) if procedure.endswith(".py") else _parameters_of(procedure)
     name, equals, _ = incomplete.partition("=")
     if equals:
-        return [(text, says) for text, says in known if text.startswith(incomplete) and text.startswith(f"{name}=")]
-    cut = ((f"{text.partition('=')[0]}=", says) for text, says in known)
-    return [(text, says) for text, says in cut if text.startswith(incomplete) and text[:-1] not in given]
+        return [(text, hint) for text, hint in known if text.startswith(incomplete) and text.startswith(f"{name}=")]
+    cut = ((f"{text.partition('=')[0]}=", hint) for text, hint in known)
+    return [(text, hint) for text, hint in cut if text.startswith(incomplete) and text[:-1] not in given]
 
 
 def bench_files(incomplete: str) -> list[Candidate]:
-    """The simulated bench, and TOML files."""
+    """Return the simulated bench and TOML files."""
     simulated = [("simulated", "needs no file")] if "simulated".startswith(incomplete) else []
     return [*simulated, *toml_files(incomplete)]
 
 
 def toml_files(incomplete: str) -> list[Candidate]:
-    """TOML files, and folders on the way to one."""
+    """Return TOML files, and folders."""
     return paths(incomplete, lambda path: path.suffix == ".toml")
 
 
 def recordings(incomplete: str) -> list[Candidate]:
-    """Recordings, campaigns' folders, and folders on the way to one."""
+    """Return recordings, campaign folders, and other folders."""
     return paths(incomplete, lambda path: path.suffix == ".h5" or _is_recording(path))
 
 
 def campaigns(incomplete: str) -> list[Candidate]:
-    """Campaigns' folders, and folders on the way to one."""
+    """Return campaign folders and other folders."""
     return paths(incomplete, _is_recording)
 
 
 def paths(incomplete: str, wanted: Callable[[Path], bool]) -> list[Candidate]:
-    """Paths that begin so and are wanted, and folders, which end in `/`; hidden ones only where a dot is typed."""
+    """Return the paths that begin with `incomplete` and are `wanted`, and folders, with a `/` at the end.
+
+    Hidden ones are returned only if the typed name begins with a dot.
+    """
     begun, slash, start = incomplete.rpartition("/")
     folder = Path(f"{begun}{slash}").expanduser() if slash else Path()
     found = []
@@ -86,7 +89,7 @@ def _parameters_of(procedure: str) -> list[Candidate]:
 
 
 def _parameters_in(file: Path) -> list[Candidate]:
-    """Those of the procedure in a file, read without running it."""
+    """Return the parameters of the procedure in a file, read without executing it."""
     return [
         (f"{argument.arg}={ast.unparse(default).strip('()')}", "")
         for function in _procedures_in(ast.parse(file.read_bytes()))

@@ -1,4 +1,4 @@
-"""`benchctl check`: a dry run."""
+"""`benchctl check`: dry run of a procedure."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def check(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """A dry run: expand the procedure, check every step against the bench, ask each instrument who it is; move nothing.
+    """Dry run: expand the procedure, check every step against the bench, and identify each instrument; nothing moves.
 
-    Lists also what the operator will be asked.
+    Also lists the questions to the operator.
 
     Example: `benchctl check two_stage --bench bench.toml -p points=5 --picture timeline.svg`,
     `benchctl check misalignment --bench simulated --offline`
@@ -46,16 +46,16 @@ def check(
     from benchctl.plan.find import find_procedure
 
     with result_of("check", json_to, quiet) as result:
-        stands = load_bench(bench)
+        loaded = load_bench(bench)
         plan = find_procedure(procedure).expand(parameters(parameter))
-        preview(result, plan, stands, out)
+        preview(result, plan, loaded, out)
         if picture is not None:
             from benchctl.reports.timeline import draw_timeline
 
-            draw_timeline(picture, plan, stands.limits, stands.safe.chamber_c)
+            draw_timeline(picture, plan, loaded.limits, loaded.safe.chamber_c)
             result.say(f"timeline: {picture}")
         if not offline:
-            with open_bench(stands, purpose="benchctl check") as opened:
+            with open_bench(loaded, purpose="benchctl check") as opened:
                 result.values["instruments"] = {name: asdict(who) for name, who in opened.identities.items()}
             for name, who in opened.identities.items():
                 result.say(f"{name}: {who.manufacturer} {who.model} {who.serial}".rstrip())

@@ -1,4 +1,4 @@
-"""A verb as a command of typer, with a plain help: what it does, its examples whole, its arguments and options."""
+"""Run a verb as a typer command, with plain help: description, examples, arguments and options."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _COMMAND = re.compile(r"`(benchctl [^`]+)`")
 
 
 class VerbCommand(TyperCommand):
-    """A command whose docstring ends in `Example:` paragraphs, each with commands between backticks."""
+    """A command whose docstring ends in `Example:` paragraphs with commands in backticks."""
 
     further: Callable[[], str] | None = None
-    """What stands below the options, as it is; asked for when the help is shown."""
+    """Returns the text below the options, printed verbatim; called when the help is shown."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """What stands behind the verb's name: what may be left out in brackets, what may not without."""
+        """Return the usage after the verb's name: optional parts in brackets, required parts without."""
         pieces = super().collect_usage_pieces(ctx)
         return [re.sub(r"[{}]|(?<=\[)\[|\](?=\])", "", piece) for piece in pieces]
 
     def format_help_text(self, ctx: Any, formatter: Any) -> None:
-        """The text without its examples, then the examples, a line each, to be copied whole."""
+        """Write the text without its examples, then each example on one line for copying."""
         text = "\n\n".join(part for part in _paragraphs(self.help) if not _is_example(part))
         formatter.write_paragraph()
         with formatter.indentation():
@@ -44,19 +44,19 @@ class VerbCommand(TyperCommand):
             formatter.write(f"  {line}\n")
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """What the verb explains further."""
+        """Write the further help of the verb."""
         if self.further is not None:
             formatter.write_paragraph()
             formatter.write(f"{self.further()}\n")
 
 
 def run_command(verb: str, arguments: list[str]) -> int:
-    """Run a verb and return its exit status, 130 where Ctrl-C ended it.
+    """Run a verb and return its exit status, 130 if Ctrl-C ended it.
 
     Raises
     ------
     BenchError
-        Whatever the verb raises; `UsageError` also for arguments that it does not take.
+        Any error that the verb raises; `UsageError` also for invalid arguments.
     """
     command = command_of(verb)
     try:
@@ -69,7 +69,7 @@ def run_command(verb: str, arguments: list[str]) -> int:
 
 
 def command_of(verb: str) -> VerbCommand:
-    """The command of a verb; its module may have `further_help`, a function that makes the text below the options."""
+    """Return the command of a verb; `further_help` of its module, if any, returns the text below the options."""
     module = module_of(verb)
     app = typer.Typer(
         add_completion=False,
@@ -84,7 +84,7 @@ def command_of(verb: str) -> VerbCommand:
 
 
 def examples(docstring: str | None) -> tuple[str, ...]:
-    r"""The commands that a verb's docstring gives as examples, each in one line.
+    r"""Return the example commands of a verb's docstring, each on one line.
 
     >>> examples("Fits.\n\nExample: `benchctl fit\na.h5`, `benchctl fit b.h5`")
     ('benchctl fit a.h5', 'benchctl fit b.h5')
@@ -102,27 +102,27 @@ def _is_example(paragraph: str) -> bool:
 
 
 def _worded(err: TyperException, command: VerbCommand) -> str:
-    """What was wrong with the arguments, and what to do about it."""
+    """Return a message that states the fault in the arguments and its remedy."""
     option = getattr(err, "option_name", "")
     known = option_names(command)
     if option and option not in known:
         return f"there is no option {option}: {meant(option, known, _explains(command))}"
-    says = err.format_message().rstrip(".")
+    message = err.format_message().rstrip(".")
     if not isinstance(err, typer.BadParameter) or err.param is None:
-        return f"{says}; {_explains(command)}"
+        return f"{message}; {_explains(command)}"
     is_option = err.param.param_type_name == "option"
     hint = " / ".join(err.param.opts) if is_option else str(err.param.metavar or err.param.name).upper()
     if not err.message:
         return f"{hint} is needed: {in_line(getattr(err.param, 'help', '') or '')} ({_explains(command)})"
-    says = expectation(err.message.removeprefix("Value error, ").rstrip("."))
-    if given := re.match(r"'(.*)' is not one of", says):
+    message = expectation(err.message.removeprefix("Value error, ").rstrip("."))
+    if given := re.match(r"'(.*)' is not one of", message):
         choices = [item.value for item in err.param.shell_complete(typer.Context(command), "")]
-        says += f": did you mean {close}?" if (close := nearest(given[1], choices)) else ""
-    return f"{hint}: {says}"
+        message += f": did you mean {close}?" if (close := nearest(given[1], choices)) else ""
+    return f"{hint}: {message}"
 
 
 def option_names(command: VerbCommand) -> list[str]:
-    """All options of a command, as they are typed."""
+    """Return all options of a command, as they are typed."""
     options = [param for param in command.get_params(typer.Context(command)) if param.param_type_name == "option"]
     return [name for param in options for name in (*param.opts, *param.secondary_opts)]
 

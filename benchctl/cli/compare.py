@@ -1,4 +1,4 @@
-"""`benchctl compare`: where a recording and its simulations part."""
+"""`benchctl compare`: compare a recording with its simulations."""
 
 from __future__ import annotations
 
@@ -31,28 +31,28 @@ def compare(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Say step by step, and along rate, temperature and time, how far a recording is from its simulations.
+    """Compare a recording with its simulations: differences per step, and over rate, temperature and time.
 
     Writes `comparison.html`; with --quiet and --json, without --out, only the JSON.
 
     Example: `benchctl compare recording.h5 --model recording.diagnosis/model.toml`
     """
+    from benchctl.app import compare as app
     from benchctl.cli.output import report_folder
     from benchctl.recordings.campaign_manifest import add_to_manifest
-    from benchctl.reports import comparing
     from benchctl_instruments.errors import UsageError
 
     with result_of("compare", json_to, quiet) as result:
         folder = report_folder(real or simulated, out, json_to, quiet)
         if real is None:
-            compared = comparing.compare_with_models(simulated, model)
+            compared = app.compare_with_models(simulated, model)
         elif model is None:
-            compared = comparing.compare_recordings(simulated, real)
+            compared = app.compare_recordings(simulated, real)
         else:
             raise UsageError("compare takes two recordings, or one and --model FILE; name one of them")
-        result.values |= comparing.values(compared)
-        result.say(comparing.table(compared))
+        result.values |= app.values(compared)
+        result.say(app.table(compared))
         if folder is not None:
-            result.values["report"] = comparing.write_compared(compared, folder)
+            result.values["report"] = app.write_compared(compared, folder)
             add_to_manifest(folder, [result.values["report"]])
             result.say(f"report: {result.values['report']}")

@@ -1,9 +1,9 @@
-"""Completion: what the shell's script asks for when Tab is pressed, and the scripts, printed or installed.
+"""Shell completion: print the candidates for the word being typed, and print or install the shell scripts.
 
-The scripts in `completion/` run benchctl with the words before the one that is being typed as arguments, and
-`_BENCHCTL_COMPLETE` the shell's name, `_BENCHCTL_WORD` that word. bash, which takes `=` and `:` for ends of words,
-passes the whole line in `_BENCHCTL_LINE` instead. An answer is a line a candidate: the text, a tab, a word on it; none
-leaves it to the shell, which then completes files. Whatever goes wrong, the answer is empty and no error is printed.
+The scripts in `completion/` run benchctl with the preceding words as arguments, and with the shell's name in
+`_BENCHCTL_COMPLETE` and the word being typed in `_BENCHCTL_WORD`. bash splits words at `=` and `:`, so its script
+passes the complete line in `_BENCHCTL_LINE` instead. The output has one line per candidate: text, tab, description.
+Without candidates the shell completes file names. On any error the output is empty and no error is printed.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ _TO_QUOTE = re.compile(r"([^\w@%+=:,./~-])")
 
 
 def complete(shell: str, arguments: Sequence[str]) -> int:
-    """Print the candidates for the word that is being typed; the exit status is always 0."""
+    """Print the candidates for the word being typed; the exit status is always 0."""
     with contextlib.suppress(Exception), contextlib.redirect_stderr(None):
         if shell == "bash":
             sys.stdout.write(_for_bash(os.environ["_BENCHCTL_LINE"]))
         else:
             found = candidates(arguments, os.environ.get("_BENCHCTL_WORD", ""))
-            sys.stdout.write("".join(f"{text}\t{_ONE_LINE.sub(' ', says).strip()}\n" for text, says in found))
+            sys.stdout.write("".join(f"{text}\t{_ONE_LINE.sub(' ', hint).strip()}\n" for text, hint in found))
         sys.stdout.flush()
     return 0
 
 
 def candidates(before: Sequence[str], word: str) -> list[Candidate]:
-    """What a word may become after the words before it, that of the program left out."""
+    """Return the candidates for `word` after the words in `before`, which does not contain the program's name."""
     if not before:
         return _beginning({**VERBS, **(_OPTIONS if word.startswith("-") else {})}.items(), word)
     verb, *given = before
@@ -69,7 +69,7 @@ def _of_verb(command: VerbCommand, given: Sequence[str], word: str) -> list[Cand
     options = _options(command, context)
     arguments = [param for param in command.params if param.param_type_name == "argument"]
     awaited, positions = None, list[str]()
-    for one in given:  # not parsed: that would import what checks the values
+    for one in given:  # not parsed by typer, which would import the modules that check the values
         if awaited is not None:
             context.params.setdefault(awaited.name, []).append(one)
             awaited = None
@@ -82,7 +82,7 @@ def _of_verb(command: VerbCommand, given: Sequence[str], word: str) -> list[Cand
     if awaited is not None:
         return _of_value(awaited, context, word)
     if equals and (option := _with_value(options.get(name))) is not None:
-        return [(f"{name}={text}", says) for text, says in _of_value(option, context, value)]
+        return [(f"{name}={text}", hint) for text, hint in _of_value(option, context, value)]
     if word.startswith("-"):
         used = {id(options[one]) for one in given if one in options}
         free = ((one, it) for one, it in options.items() if id(it) not in used or it.multiple)
@@ -103,16 +103,19 @@ def _options(command: VerbCommand, context: Any) -> dict[str, Any]:
 
 
 def _with_value(option: Any) -> Any:
-    """An option that is followed by a value; None for a flag, or none."""
+    """Return the option if it takes a value; None for a flag or for no option."""
     return None if option is None or option.is_flag else option
 
 
 def _beginning(known: Iterable[Candidate], word: str) -> list[Candidate]:
-    return [(text, says) for text, says in known if text.startswith(word)]
+    return [(text, hint) for text, hint in known if text.startswith(word)]
 
 
 def _for_bash(line: str) -> str:
-    """The candidates as bash wants them: less what it takes for an earlier word, and a space behind what is whole."""
+    """Return the candidates for bash: without the part that bash takes for an earlier word; a space ends complete ones.
+
+    bash splits words at `=` and `:`.
+    """
     *before, word = _words(line)
     cut = 1 + max(word.rfind(sign) for sign in "=:") if word else 0
     found = (text[cut:] for text, _ in candidates(before[1:], word))
@@ -121,7 +124,7 @@ def _for_bash(line: str) -> str:
 
 
 def _words(line: str) -> list[str]:
-    """The words of a line as far as it is typed; the last one is the one that is being typed, maybe empty."""
+    """Return the words of an incomplete line; the last one is being typed and may be empty."""
     open_quote = _open_quote(line)
     words = shlex.split(line + open_quote)
     ended = not open_quote and line[-1:].isspace() and not line.endswith("\\ ")
@@ -129,7 +132,7 @@ def _words(line: str) -> list[str]:
 
 
 def _open_quote(line: str) -> str:
-    """The quotation mark that is not closed yet, if there is one."""
+    """Return the quotation mark that is still open, or an empty string."""
     for mark in ("", "'", '"'):
         with contextlib.suppress(ValueError):
             shlex.split(line + mark)
@@ -138,11 +141,14 @@ def _open_quote(line: str) -> str:
 
 
 SHELLS = {"bash": "bash", "zsh": "zsh", "fish": "fish", "powershell": "ps1", "pwsh": "ps1"}
-"""The shells, and what the name of each one's script ends in."""
+"""The supported shells, and the file name extension of each one's script."""
 
 
 def script(shell: str = "") -> str:
-    """What completes benchctl in a shell, by default the user's; `UsageError` for a shell that is none of `SHELLS`."""
+    """Return the completion script for a shell, by default the user's.
+
+    Raises `UsageError` if the shell is not in `SHELLS`.
+    """
     return _text(_known(shell)).rstrip()
 
 
@@ -151,12 +157,12 @@ def _text(name: str) -> str:
 
 
 def install(shell: str = "") -> str:
-    """Put the script where the shell finds it; says where, and from when on it works.
+    """Install the completion script for a shell; return a message that names the files.
 
     Raises
     ------
     UsageError
-        A shell that is none of `SHELLS`, a file that cannot be written, a PowerShell that cannot be asked.
+        If the shell is not in `SHELLS`, a file cannot be written, or PowerShell does not report its profile.
     """
     name = _known(shell)
     try:
@@ -172,13 +178,13 @@ def install(shell: str = "") -> str:
 def _known(shell: str) -> str:
     name = shell or ("powershell" if os.name == "nt" else Path(os.environ.get("SHELL", "")).name)
     if name not in SHELLS:
-        told = f"shell {name!r}" if name else "the shell is not known"
-        raise UsageError(f"{told}: {meant(name, SHELLS)}; name it: benchctl --install-completion bash")
+        problem = f"shell {name!r}" if name else "the shell is not known"
+        raise UsageError(f"{problem}: {meant(name, SHELLS)}; name it: benchctl --install-completion bash")
     return name
 
 
 def _installed(name: str) -> list[Path]:
-    """Write the script, and into the shell's start file, where it needs that, the line that loads it."""
+    """Write the script and, for shells that need it, add the line that loads it to the shell's start file."""
     match name:
         case "fish":
             return [_write(name, _home("XDG_CONFIG_HOME", ".config") / "fish" / "completions" / "benchctl.fish")]
@@ -214,8 +220,8 @@ def _add_line(file: Path, line: str) -> None:
 def _powershell_profile(name: str) -> Path:
     import subprocess
 
-    asking = [name, "-NoProfile", "-Command", "$PROFILE"]
-    asked = subprocess.run(asking, capture_output=True, text=True, check=False)  # noqa: S603 - a shell named in SHELLS
-    if asked.returncode or not asked.stdout.strip():
+    command = [name, "-NoProfile", "-Command", "$PROFILE"]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - a shell named in SHELLS
+    if ran.returncode or not ran.stdout.strip():
         raise UsageError(f"--install-completion {name}: {name} does not say where its profile is; add the script to it")
-    return Path(asked.stdout.strip())
+    return Path(ran.stdout.strip())

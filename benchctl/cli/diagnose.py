@@ -1,4 +1,4 @@
-"""`benchctl diagnose`: what physics the model leaves out."""
+"""`benchctl diagnose`: find the physics that is missing from the model."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, out
 from benchctl_instruments.errors import UsageError
 
 if TYPE_CHECKING:
+    from benchctl.app.diagnose import Diagnosed
     from benchctl.diagnosis.result import Diagnosis
-    from benchctl.reports.diagnosing import Diagnosed
 
 
 def diagnose(
@@ -61,7 +61,7 @@ def diagnose(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Say where model and recording part, what physics is missing, how sure that is, and what to run next.
+    """Find where the recording deviates from the model, which physics is missing, how certain, and what to run next.
 
     Writes `diagnosis.html`, and `model.toml` for `benchctl simulate --model`; with --quiet and --json, without --out,
     only the JSON.
@@ -69,16 +69,16 @@ def diagnose(
     Example: `benchctl diagnose results/20261120-180000_diagnostic_SIM-0001`,
     `benchctl diagnose recording.h5 --settle --dry-run`
     """
+    from benchctl.app.diagnose import diagnose_recordings, write_diagnosed
     from benchctl.cli.output import report_folder
     from benchctl.cli.terminal import search_progress
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.verify import refuse_changed
-    from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
     from benchctl.reports.diagnosis_tables import lines
     from benchctl_instruments.errors import UsageError
 
     with result_of("diagnose", json_to, quiet) as result:
-        if following is not None or settle:  # who runs nothing does not load what runs
+        if following is not None or settle:  # the modules that run campaigns are loaded only if needed
             from benchctl.cli.next_run import bench_of, preview_next, refuse_other_files, run_next, write_next
         if following is not None:
             refuse_other_files(following)
@@ -89,17 +89,17 @@ def diagnose(
         folder = report_folder(recordings[0], out, json_to, quiet)
         for path in recordings:
             refuse_changed(path, "diagnosed")
-        stands = bench_of(recordings, bench) if settle else None
+        settling = bench_of(recordings, bench) if settle else None
 
         def search(paths: list[Path]) -> Diagnosed:
             with search_progress(quiet) as progress:
                 return diagnose_recordings(paths, model=model, part=part, seed=seed, progress=progress)
 
         found = search(recordings)
-        if stands is not None and dry_run and found.diagnosis.next_experiment.procedure:
-            preview_next(found.diagnosis.next_experiment, stands, result)
-        elif stands is not None and found.diagnosis.next_experiment.procedure:
-            ran = run_next(found.diagnosis.next_experiment, stands, quiet=quiet)
+        if settling is not None and dry_run and found.diagnosis.next_experiment.procedure:
+            preview_next(found.diagnosis.next_experiment, settling, result)
+        elif settling is not None and found.diagnosis.next_experiment.procedure:
+            ran = run_next(found.diagnosis.next_experiment, settling, quiet=quiet)
             result.say(f"next experiment run: {ran}")
             found = search([*recordings, ran])
         elif settle:
@@ -119,7 +119,7 @@ def diagnose(
 
 
 def refuse_other_effect_files(path: Path) -> None:
-    """Raise `UsageError` where an effect cannot be named after a file, or has the name of one that there is."""
+    """Raise `UsageError` if the file name is no valid effect name, or the effect or the file already exists."""
     from benchctl_instruments.physics.effects.registry import effects
 
     if path.suffix != ".py" or not path.stem.isidentifier():
@@ -133,7 +133,7 @@ def refuse_other_effect_files(path: Path) -> None:
 
 
 def write_effect(path: Path, diagnosis: Diagnosis) -> str:
-    """Write the largest of the structures that were modelled; what to do with the file, in a line."""
+    """Write the largest modelled structure as an effect; return one line that states what to do with the file."""
     from benchctl.atomic import whole_file
     from benchctl.diagnosis.structures.effect_file import WRITTEN, effect_source
 

@@ -36,10 +36,10 @@ def doctor(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Check disk, ports, permissions, network and instruments, and advise what to do; move nothing.
+    """Check disk, ports, permissions, network and instruments, and advise what to do; nothing moves.
 
     Instruments are identified as by `benchctl check`, unless another program uses them. Exit status 0: nothing is bad;
-    2: this machine or the bench's file cannot be used; 3: something on the bench does not answer.
+    2: this machine or the bench file cannot be used; 3: a device on the bench does not answer.
     Example: `benchctl doctor --bench bench.toml`
     """
     from benchctl.doctor.examine import examine

@@ -1,4 +1,4 @@
-"""What a run would do, without an instrument: shown by `check`, and by every `--dry-run`."""
+"""Preview of a run without opening an instrument, for `check` and every `--dry-run`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _WORDS = {
 
 
 def timeline_lines(plan: Plan, limits: Limits, from_c: float) -> Iterator[str]:
-    """When each set point is reached for, how long it takes, and what is run there."""
+    """Yield one line per set point: start time, set point, duration and the runs there."""
     began_s, block, last_end_s, setpoint_c = 0.0, list[Step](), 0.0, from_c
     for step, (start_s, end_s, after_c) in zip(plan.steps, timeline(plan, limits, from_c), strict=True):
         if step.kind == "soak" and block:
@@ -61,9 +61,10 @@ def _told(kind: str, steps: list[Step]) -> str:
 
 
 def preview(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | None = None) -> None:
-    """Tell steps, time, disk, timeline, questions and interlocks of a plan, or of what is left of it after its `past`.
+    """Print steps, time, disk space, timeline, questions and interlocks of a plan.
 
-    `out` is where the campaign is to land. Raises `UsageError`, its `problems` told, where the bench cannot play it.
+    With `past`, only of the steps that remain. `out` is the campaign's folder. Raises `UsageError` after printing the
+    `problems` if the bench cannot run the plan.
     """
     left = plan
     if past is not None:
@@ -76,7 +77,7 @@ def preview(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | No
     free = free_bytes(out)
     found += room_problems(plan, bench, out) if playable else []
     warnings = [each.says for each in expiring(plan, bench, past.first if past else 1)] if playable else []
-    asked = questions_asked(plan, bench, past)
+    questions = questions_asked(plan, bench, past)
     result.values |= {
         "steps": len(left.steps),
         "bench_time_s": takes_s,
@@ -84,7 +85,7 @@ def preview(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | No
         "disk_free_bytes": free,
         "problems": [asdict(problem) for problem in found],
         "warnings": warnings,
-        "questions": [asdict(question) for question in asked],
+        "questions": [asdict(question) for question in questions],
     }
     for warning in warnings:
         result.say(f"warning: {warning}")
@@ -100,16 +101,21 @@ def preview(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | No
         result.say(line)
     if bench.interlocks:
         result.say(f"interlocks: {words(bench.interlocks)}")
-    if asked:
-        result.say(f"{len(asked)} questions to the operator; a file for benchctl run --answers would have these lines:")
-        for says in dict.fromkeys(question.says for question in asked):
-            result.say(f"  {answer_line(says)}")
+    if questions:
+        result.say(
+            f"{len(questions)} questions to the operator; a file for benchctl run --answers would have these lines:"
+        )
+        for text in dict.fromkeys(question.says for question in questions):
+            result.say(f"  {answer_line(text)}")
 
 
 def preview_run(
     result: Result, plan: Plan, bench: Bench, out: Path, *, answers: Answers | None, past: Past | None = None
 ) -> None:
-    """What `run --dry-run` tells: also from which step on, and that nobody could answer; raises what the run would."""
+    """Print the preview of `run --dry-run`, with the first step; raise the errors that the run itself would raise.
+
+    Among these is the error for questions without an answer and without an operator at the terminal.
+    """
     result.values |= {"dry_run": True, "campaign": out, "first_step": past.first if past else 1}
     if past is None:
         require_empty(out)
@@ -117,9 +123,9 @@ def preview_run(
         result.say(f"{out}: all {len(plan.steps)} steps are whole; it would be closed, and nothing would move")
         return
     else:
-        whole, label = past.first - 1, plan.steps[past.first - 1].label
+        complete, label = past.first - 1, plan.steps[past.first - 1].label
         result.say(
-            f"{out}: {whole} of {len(plan.steps)} steps are whole; it would go on with step {past.first}, {label}"
+            f"{out}: {complete} of {len(plan.steps)} steps are whole; it would go on with step {past.first}, {label}"
         )
     preview(result, plan, bench, out, past)
     if answers is not None:

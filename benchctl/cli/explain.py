@@ -1,4 +1,4 @@
-"""`benchctl explain`: the built-in help on effects, metrics and terms."""
+"""`benchctl explain`: built-in help on effects, metrics and terms."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def explain(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Explain an effect, a metric or a term: words, equation, parameters, sources; without one, list them all.
+    """Explain an effect, a metric or a term: text, equation, parameters, sources; without a term, list all.
 
     Example: `benchctl explain thermal_lag --picture lag.svg`, `benchctl explain "scale factor"`
     """
@@ -39,13 +39,13 @@ def explain(
             result.values["terms"] = [{"name": one.name, "group": group} for group in groups for one in groups[group]]
             result.say(listing(groups, columns))
             return
-        asked = " ".join(term)
-        result.values |= explained(asked)
+        name = " ".join(term)
+        result.values |= explained(name)
         if picture is not None:
             from benchctl.explain.pictures.drawn import write_picture
 
             result.values["picture_file"] = str(picture)
-            caption = write_picture(asked, picture)
-        result.say("\n\n".join(page(one, columns) for one in find(asked)))
+            caption = write_picture(name, picture)
+        result.say("\n\n".join(page(one, columns) for one in find(name)))
         if picture is not None:
             result.say(f"\npicture: {picture}\n    {caption}")

@@ -1,4 +1,4 @@
-"""`benchctl export`: a recording, or the compensation of its unit, for other programs."""
+"""`benchctl export`: export a recording, or the compensation of its unit, for other programs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchctl.cli.output import JsonOption, QuietOption, beside, refuse_existing
 
 
 class Format(StrEnum):
-    """What a recording, or what was fitted on it, can be exported to."""
+    """Export formats of a recording, or of the coefficients fitted to it."""
 
     csv = "csv"
     mat = "mat"
@@ -59,10 +59,10 @@ def export(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Export a recording: a CSV a step, a MAT file, netCDF-4, or an open recording; or the compensation of its unit.
+    """Export a recording: one CSV per step, a MAT file, netCDF-4, or an open recording; or the unit's compensation.
 
-    c-header and json take the coefficients that benchctl fit wrote beside the recording: a C99 header for firmware,
-    with a self-test, or the same numbers for programs that read JSON.
+    c-header and json export the coefficients that benchctl fit wrote next to the recording: as a C99 header for
+    firmware, with a self-test, or as JSON.
 
     Example: `benchctl export recording.h5 --to open -o for_the_other_lab`,
     `benchctl export coefficients.json --to c-header -o gyro_compensation.h`

@@ -1,4 +1,4 @@
-"""`benchctl fit`: the calibration of a recording."""
+"""`benchctl fit`: fit the calibration of a recording."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def fit(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Fit the two-stage calibration and the joint one: `coefficients.json` and `report.html`.
+    """Fit the two-stage and the joint calibration; write `coefficients.json` and `report.html`.
 
     Example: `benchctl fit results/20261120-180000_two_stage_SIM-0001`,
     `benchctl fit recording.h5 --model diagnosis/model.toml`
     """
+    from benchctl.app.fit import fit_recordings
     from benchctl.recordings.campaign_manifest import add_to_manifest
-    from benchctl.reports.fitting import fit_recordings
 
     with result_of("fit", json_to, quiet) as result:
         fitted = fit_recordings(recordings, out, model)

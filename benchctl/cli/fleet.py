@@ -1,4 +1,4 @@
-"""`benchctl fleet`: many recordings fitted, diagnosed or accepted, on a cluster or on this machine's cores."""
+"""`benchctl fleet`: fit, diagnose or accept many recordings, on a cluster or on this machine's cores."""
 
 from __future__ import annotations
 
@@ -66,12 +66,13 @@ def fleet(
 ) -> None:
     """Fit, diagnose or accept many recordings, on a Dask cluster or on this machine's cores, and compare the units.
 
-    Results land where those of the single verb do: in a campaign's folder; of any other recording in NAME.fit,
-    NAME.diagnosis or NAME.acceptance beside it. A recording that fails is reported and does not stop the others. The
-    same command again does only what is missing or has changed. Workers that are killed lose nothing; Ctrl-C keeps
-    what is done. Writes `fleet.html` and `fleet.json`: how figures are spread over the units, who stands apart, which
-    physics recurs, which tests fail. Exit status 0 if all were done (and, of accept, all pass), 1 if some do not
-    pass, 2 if some could not be done, 130 if stopped. Needs `pip install 'benchctl[cluster]'`.
+    Results are written where the single verb writes them: into the campaign's folder, or for any other recording into
+    NAME.fit, NAME.diagnosis or NAME.acceptance next to it. A recording that fails is reported and does not stop the
+    others. Repeating the command processes only recordings whose result is missing or out of date. If a worker is
+    killed, its recording is processed again; Ctrl-C keeps the completed results. Writes `fleet.html` and `fleet.json`:
+    the distribution of each figure over the units, outliers, recurring physics, and failed tests. Exit status 0 if all
+    were processed (and, for accept, all pass), 1 if some do not pass, 2 if some could not be processed, 130 if
+    stopped. Needs `pip install 'benchctl[cluster]'`.
 
     Example: `benchctl fleet fit 'results/**'`,
     `benchctl fleet accept results/* --limits lab/limits.toml --scheduler tcp://lab-server:8786`
@@ -98,8 +99,8 @@ def fleet(
         if others:
             result.say(f"no recordings, left out: {_some(others)}")
         settings = Settings(scheduler=scheduler, workers=workers, out=place, again=again)
-        with stop_on_signals() as stop, _told(verb, len(found), quiet) as told:
-            ended = run_fleet(verb, found, options, settings, told, say, stop)
+        with stop_on_signals() as stop, _told(verb, len(found), quiet) as on_outcome:
+            ended = run_fleet(verb, found, options, settings, on_outcome, say, stop)
         written = {"report": write_fleet_page(ended, folder), "summary": folder / "fleet.json"}
         write_fleet_file(written["summary"], ended)
         result.values |= {**fleet_values(ended), **written}
@@ -118,7 +119,7 @@ def _options(
     part: Literal["gyro", "drive", "chamber"],
     seed: int,
 ) -> Options:
-    """What the verb takes; `UsageError` for what it does not, and for files that cannot be used."""
+    """Return the options of the verb; raise `UsageError` for options of another verb and for unusable files."""
     from benchctl.fleet.job import Options
     from benchctl.metrology.limit_file import read_limits
     from benchctl.model_file import read_model
@@ -139,7 +140,7 @@ def _options(
             "--limits is needed: fleet accept judges by a file of limits; `benchctl init` writes an example"
         )
     if model is not None:
-        read_model(model)  # refused here rather than by each recording
+        read_model(model)  # an unusable model is refused here, not once per recording
     return Options(
         limits=None if limits is None else read_limits(limits),
         language=language,
@@ -150,7 +151,7 @@ def _options(
 
 
 def _folder(out: str | None) -> str | None:
-    """`--out` as workers need it, whose current folder is another; made, where it is local."""
+    """Return `--out` as an absolute path, since workers have another working directory; create a local folder."""
     from benchctl.fleet.located import is_url
     from benchctl.reports.results import make_folder
 
@@ -165,7 +166,10 @@ def _some(names: list[str]) -> str:
 
 
 def _judge(ended: Fleet, stopped: bool, result: Result) -> None:
-    """The exit status, where it is not 0; something is left where it was stopped, or the scheduler is gone."""
+    """Raise the error or exit status unless all recordings were processed and pass.
+
+    Recordings remain if the command was stopped or the scheduler is gone.
+    """
     from benchctl_instruments.errors import UsageError
 
     failed, rejected = ended.ended("failed"), len(ended.rejected)
@@ -173,17 +177,17 @@ def _judge(ended: Fleet, stopped: bool, result: Result) -> None:
         why = "stopped" if stopped else "the scheduler is gone,"
         result.ok, result.error = False, f"{why} with {ended.left} left; the same command goes on"
         raise typer.Exit(_STOPPED if stopped else UsageError.exit_status)
-    told = f"of {len(ended.members)} recordings"
+    of_all = f"of {len(ended.members)} recordings"
     if failed:
-        raise UsageError(f"{told} {len(failed)} could not be done, the first: {failed[0].says}")
+        raise UsageError(f"{of_all} {len(failed)} could not be done, the first: {failed[0].says}")
     if rejected:
-        result.ok, result.error = False, f"{told} {rejected} do not pass"
+        result.ok, result.error = False, f"{of_all} {rejected} do not pass"
         raise typer.Exit(1)
 
 
 @contextmanager
 def _told(verb: str, total: int, quiet: bool) -> Iterator[Callable[[Job, JobOutcome], None]]:
-    """A bar where there is a terminal: what is done, what failed, what is left and for how long."""
+    """Show a progress bar at a terminal: number done, failed and remaining, and the remaining time."""
     import time
 
     from benchctl.cli.messages import duration
@@ -201,7 +205,7 @@ def _told(verb: str, total: int, quiet: bool) -> Iterator[Callable[[Job, JobOutc
             worked = counts["done"] + counts["failed"]
             rest_s = (time.monotonic() - begun_s) * left / worked if worked else 0.0
             rest = f", {duration(rest_s)} to go" if worked and left else ""
-            told = f"{counts['done'] + counts['kept']} done, {counts['failed']} failed, {left} left{rest}"
-            draw(f"fleet {verb}", 1.0 - left / total, told)
+            remark = f"{counts['done'] + counts['kept']} done, {counts['failed']} failed, {left} left{rest}"
+            draw(f"fleet {verb}", 1.0 - left / total, remark)
 
         yield tell_of

@@ -1,4 +1,4 @@
-"""`benchctl history`: units over time."""
+"""`benchctl history`: chart the results of units over time."""
 
 from __future__ import annotations
 
@@ -26,12 +26,11 @@ def history(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Chart what calibrations and acceptances said of each unit over time, and hold units against each other.
+    """Chart the calibration and acceptance results of each unit over time, and compare the units.
 
-    Control limits, drift since the last calibration, units apart from their siblings. Runs of one procedure are
-    compared where their parameters are the latest run's. Writes `history.html`; with
-    --quiet and --json, without --out, only the JSON. What was read is kept in `.benchctl-history.sqlite`, which is
-    made anew whenever it is missing.
+    Shows control limits, drift since the last calibration, and outlying units. Runs of one procedure are compared if
+    they have the same parameters as the latest run. Writes `history.html`; with --quiet and --json, without --out,
+    only the JSON. The results read are cached in `.benchctl-history.sqlite`, which is recreated if it is missing.
 
     Example: `benchctl history results`
     """
@@ -60,6 +59,6 @@ def history(
         if page_folder is not None:
             name = folder.resolve().name or str(folder.resolve())
             report = history_page.write_page_of(found, units, page_folder, name)
-            add_to_manifest(page_folder, [report])  # where the folder is itself a campaign
+            add_to_manifest(page_folder, [report])  # if the folder is itself a campaign
             result.values["report"] = report
             result.say(f"report: {report}")

@@ -1,4 +1,4 @@
-"""`benchctl import`: a foreign recording into our own file."""
+"""`benchctl import`: convert a foreign recording into a recording of benchctl."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchctl.cli.output import JsonOption, QuietOption, refuse_existing, result
 
 
 def further_help() -> str:
-    """The map file by example."""
+    """Return an example map file for each kind of source."""
     from benchctl.recordings.map_examples import MAP_EXAMPLES
 
     return "\n\n".join(f"A map for {title}:\n\n```toml\n{text}```" for title, text in MAP_EXAMPLES.items())
@@ -28,10 +28,10 @@ def import_(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Bring a recording from another bench into a file of ours; it appears whole or not at all.
+    """Convert a recording from another bench into a benchctl recording; an incomplete file is never left behind.
 
-    An open recording (`recording.json` and `samples.csv.gz`) and a CSV of static points with the columns `rate_dps`,
-    `gyro_v_mean` need no map.
+    No map is needed for an open recording (`recording.json` and `samples.csv.gz`), nor for a CSV of static points with
+    the columns `rate_dps` and `gyro_v_mean`.
 
     Example: `benchctl import from_the_other_lab -o theirs.h5`, `benchctl import log.csv --map map.toml -o theirs.h5`
     """

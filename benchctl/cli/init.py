@@ -1,4 +1,4 @@
-"""`benchctl init`: a bench.toml and a limits.toml to start from, and what an editor knows of them."""
+"""`benchctl init`: write a template of bench.toml and limits.toml, and their JSON schemas for editors."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ def init(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Write a commented bench.toml, and limits.toml for acceptance, to start from; beside them their JSON schemas.
+    """Write a commented bench.toml, a limits.toml for acceptance, and the JSON schemas of both.
 
-    Editors that know such schemas (Even Better TOML in VS Code, Taplo) then explain, complete and check each field.
+    Editors that support schemas (Even Better TOML in VS Code, Taplo) then explain, complete and check each field.
     Example: `benchctl init lab && benchctl check two_stage --bench lab/bench.toml`
     """
     from benchctl.atomic import whole_file
@@ -36,7 +36,7 @@ def init(
         except OSError as err:
             raise UsageError(f"{folder}: cannot be made into a folder: {reason(err)}; name another") from err
         schemas = {BENCH_SCHEMA: bench_schema(), LIMITS_SCHEMA: limits_schema()}
-        for name, schema in schemas.items():  # made by this program, and made anew where an older one is there
+        for name, schema in schemas.items():  # generated files: an older version is replaced
             with whole_file(folder / name) as temporary:
                 temporary.write_text(as_text(schema), encoding="utf-8")
         texts = {

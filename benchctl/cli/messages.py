@@ -1,4 +1,4 @@
-"""Words for the terminal: a line on stdout or stderr, whoever reads it, or nobody; durations and sizes."""
+"""Print lines to stdout or stderr, also when the reader is gone; format durations and sizes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TextIO
 
 
 def duration(seconds: float) -> str:
-    """A time with the two units that matter.
+    """Return a duration in its two largest units.
 
     >>> duration(108000.0), duration(95.4), duration(3.21)
     ('30 h 00 min', '1 min 35 s', '3.2 s')
@@ -21,7 +21,7 @@ def duration(seconds: float) -> str:
 
 
 def size(count: float) -> str:
-    """A number of bytes.
+    """Return a number of bytes as text with a unit.
 
     >>> size(123456789.0)
     '123.5 MB'
@@ -34,7 +34,7 @@ def size(count: float) -> str:
 
 
 def tell(text: str, *, err: bool = False) -> None:
-    """A line on stdout or stderr; where nobody reads it any more, the work goes on all the same."""
+    """Print a line on stdout or stderr; if its reader is gone, the program continues."""
     stream = sys.stderr if err else sys.stdout
     try:
         stream.write(f"{text}\n")
@@ -44,5 +44,5 @@ def tell(text: str, *, err: bool = False) -> None:
 
 
 def let_go(stream: TextIO) -> None:
-    """Send what is still said on a stream nowhere: its window was closed, or the reader of its pipe has gone."""
+    """Discard all further output of a stream whose window was closed or whose pipe has no reader."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

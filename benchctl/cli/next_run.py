@@ -1,4 +1,4 @@
-"""The next experiment of a diagnosis: written down for `benchctl run`, or run at once on the simulated bench."""
+"""Write the next experiment of a diagnosis to a file for `benchctl run`, or run it on the simulated bench."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 
 def bench_of(recordings: Sequence[Path], named: str | None) -> Bench:
-    """The simulated bench of that name; without one that which the first recording was made on, on another day.
+    """Return the named bench, or the bench of the first recording if `named` is None, with new noise.
 
-    Raises `UsageError` where it is not a simulated one: on hardware an experiment is started by `benchctl run`.
+    Raises `UsageError` if it is not simulated: on hardware, an experiment is started with `benchctl run`.
     """
     from benchctl.bench import load_bench
     from benchctl.campaign.opened import another_day
@@ -38,7 +38,7 @@ def bench_of(recordings: Sequence[Path], named: str | None) -> Bench:
 
 
 def run_next(following: NextExperiment, bench: Bench, *, quiet: bool) -> Path:
-    """Run the experiment and return its recording; raises what ended it early."""
+    """Run the experiment and return the path of its recording; raise the error that ended it early, if any."""
     plan = _plan(following)
     outcome = play(plan, bench, new_folder(plan.procedure, bench.unit.serial), quiet=quiet, wires=False)
     if outcome.error is not None:
@@ -47,20 +47,20 @@ def run_next(following: NextExperiment, bench: Bench, *, quiet: bool) -> Path:
 
 
 def preview_next(following: NextExperiment, bench: Bench, result: Result) -> None:
-    """Say what running the experiment would do, to programs under `dry_run`; nothing is run."""
-    plan, told = _plan(following), Result(result.quiet)
-    result.values["dry_run"] = told.values
-    preview_run(told, plan, bench, new_folder(plan.procedure, bench.unit.serial), answers=None)
+    """Preview the experiment without running it; store the values under `dry_run`."""
+    plan, preview = _plan(following), Result(result.quiet)
+    result.values["dry_run"] = preview.values
+    preview_run(preview, plan, bench, new_folder(plan.procedure, bench.unit.serial), answers=None)
 
 
 def refuse_other_files(path: Path) -> None:
-    """Raise `UsageError` where no procedure could be read from a file of that name."""
+    """Raise `UsageError` unless the path is that of a Python file."""
     if path.suffix != ".py":
         raise UsageError(f"--next {path}: a procedure's file ends in .py; name it so")
 
 
 def write_next(path: Path, diagnosis: Diagnosis) -> str:
-    """Write the experiment as a procedure's file; what to do with it, in a line."""
+    """Write the experiment as a procedure file; return one line that states how to run it."""
     from benchctl.atomic import whole_file
 
     following = diagnosis.next_experiment

@@ -1,4 +1,4 @@
-"""What all verbs share: options, `--json`, `--quiet`, where reports go, and a result that programs can read."""
+"""Shared parts of all verbs: options, `--json`, `--quiet`, report folders, and a machine-readable result."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from benchctl_instruments.errors import BenchError, UsageError, reason
 
 
 def toml_option(name: str, says: str) -> Any:
-    """An option that takes a TOML file, which is completed."""
+    """Return an option that takes a TOML file, with shell completion."""
     return typer.Option(name, metavar="FILE", autocompletion=toml_files, help=says)
 
 
 def out_option(says: str) -> Any:
-    """The option `--out`, which takes a folder."""
+    """Return the option `--out`, which takes a folder."""
     return typer.Option("--out", metavar="DIR", help=says)
 
 
@@ -75,7 +75,7 @@ RecordingsArgument = Annotated[
 
 
 class Result:
-    """The result of a verb, filled in while it runs."""
+    """The result of a verb, filled in while the verb runs."""
 
     def __init__(self, quiet: bool) -> None:
         self.values: dict[str, Any] = {}
@@ -84,14 +84,17 @@ class Result:
         self.quiet = quiet
 
     def say(self, text: str) -> None:
-        """A line for the person at the terminal, on stdout."""
+        """Print a line on stdout unless `quiet`."""
         if not self.quiet:
             tell(text)
 
 
 @contextmanager
 def result_of(verb: str, json_to: str | None, quiet: bool) -> Iterator[Result]:
-    """A `Result` that is written to `json_to` however the verb ends, as long as it ends in words."""
+    """Yield a `Result`; write it to `json_to` when the verb ends, also by a `BenchError` or an exit status.
+
+    An unexpected exception writes nothing. Raises `UsageError` before any work if `json_to` cannot be written.
+    """
     if json_to not in (None, "-"):  # before any work
         if os.path.isdir(path := os.path.abspath(str(json_to))):
             raise UsageError(f"--json {json_to}: is a folder; name a file")
@@ -103,7 +106,7 @@ def result_of(verb: str, json_to: str | None, quiet: bool) -> Iterator[Result]:
     except BenchError as err:
         result.ok, result.error = False, " ".join(str(err).split())
         raise
-    except OSError as err:  # a name that is too long, a folder that may not be looked into
+    except OSError as err:  # such as a name that is too long or a folder without read permission
         result.ok, result.error = False, f"{err.filename or verb}: {reason(err)}"
         raise UsageError(result.error) from err
     finally:
@@ -113,7 +116,7 @@ def result_of(verb: str, json_to: str | None, quiet: bool) -> Iterator[Result]:
 
 
 def quantity_in(name: str) -> Callable[[str], float]:
-    """What reads a number of that name off the command line: bare, in the unit that the name states, or with a unit."""
+    """Return a parser of command line numbers: bare in the unit that the name of the option states, or with a unit."""
 
     def number(text: str) -> float:
         from benchctl.units import quantity, unit_stated
@@ -127,7 +130,7 @@ def quantity_in(name: str) -> Callable[[str], float]:
 
 
 def parameters(texts: list[str] | None) -> dict[str, str]:
-    """`NAME=VALUE` texts as a mapping.
+    """Return `NAME=VALUE` texts as a mapping.
 
     Raises
     ------
@@ -146,7 +149,7 @@ def parameters(texts: list[str] | None) -> dict[str, str]:
 
 
 def refuse_existing(path: Path) -> None:
-    """Raise `UsageError` where a file that holds something would be replaced: recordings are not made twice."""
+    """Raise `UsageError` if a non-empty file would be replaced; recordings are never overwritten."""
     if path.is_file() and path.stat().st_size > 0:
         raise UsageError(f"-o {path}: is there already and is left as it is; name another file or remove it")
 
@@ -164,17 +167,17 @@ def _write(verb: str, json_to: str, result: Result) -> None:
     from benchctl.atomic import whole_file
 
     with whole_file(Path(json_to)) as temporary:
-        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")  # a name that is no UTF-8
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")  # a file name may not be UTF-8
 
 
 def beside(path: Path, ending: str) -> Path:
-    """A name beside a file or a folder: its own, less the suffix, with this ending."""
+    """Return a path next to a file or folder: its name without the suffix, plus this ending."""
     named = path if path.name not in ("", "..") else path.resolve()
     return named.with_name(named.stem + ending)
 
 
 def refuse_folder(path: Path) -> None:
-    """Raise `UsageError` where a folder stands in the place of a file to be written."""
+    """Raise `UsageError` if the path of an output file is a folder."""
     from benchctl_instruments.errors import UsageError
 
     if path.is_dir():
@@ -184,10 +187,10 @@ def refuse_folder(path: Path) -> None:
 def report_folder(
     recording: Path, out: Path | None, json_to: str | None, quiet: bool, *, kind: str = "diagnosis"
 ) -> Path | None:
-    """`out`, or the default place for a recording; None where a program asked for nothing but the JSON.
+    """Return `out`, or the default report folder of a recording; None with `--quiet --json`, which write no report.
 
-    Where that default may not be written to, a report is left out with a line on stderr if there is `--json` to answer
-    by. Raises `UsageError` if there is not, or `out` may not be written to.
+    If the default folder is not writable, return None with `--json`, after a message on stderr. Raises `UsageError` if
+    it is not writable without `--json`, or if `out` is not writable.
     """
     from benchctl.reports.results import may_be_made, results_folder
     from benchctl_instruments.errors import UsageError

@@ -1,4 +1,4 @@
-"""`benchctl paper`: the paper's experiment, redone and audited."""
+"""`benchctl paper`: reproduce and audit the paper's experiment."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ def paper(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Redo the paper's experiment on a simulated VG910Q, print its table beside ours, and audit its numbers.
+    """Reproduce the paper's experiment on a simulated VG910Q, print both tables side by side, and audit its numbers.
 
-    The simulated unit follows the interferometer's sine law with the S that the paper's polynomial implies.
+    The simulated unit follows the interferometer's sine law with the value of S implied by the paper's polynomial.
 
     Example: `benchctl paper --out paper`
     """
     import tempfile
     from dataclasses import asdict
 
+    from benchctl.app.fit import fit_recordings
     from benchctl.bench import load_bench
     from benchctl.calibration.paper_audit import audit, implied_sine
     from benchctl.cli.campaigns import play
     from benchctl.plan.find import find_procedure
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.reader import open_recording
-    from benchctl.reports.fitting import fit_recordings
 
     with result_of("paper", json_to, quiet) as result, tempfile.TemporaryDirectory() as scratch:
         S_rad_per_dps = implied_sine()[0]
-        stands = load_bench("simulated")
-        physics = {**stands.physics, "gyro": {"S_rad_per_dps": S_rad_per_dps}}
-        stands = stands.model_copy(update={"physics": physics}).with_seed(seed)
+        loaded = load_bench("simulated")
+        physics = {**loaded.physics, "gyro": {"S_rad_per_dps": S_rad_per_dps}}
+        loaded = loaded.model_copy(update={"physics": physics}).with_seed(seed)
         folder = out or Path(scratch) / "paper"
-        outcome = play(find_procedure("two_stage").expand(), stands, folder, quiet=quiet, wires=False)
+        outcome = play(find_procedure("two_stage").expand(), loaded, folder, quiet=quiet, wires=False)
         if outcome.error is not None:
             raise outcome.error
         with open_recording(outcome.recording) as recording:

@@ -1,4 +1,4 @@
-"""`benchctl procedures`: what can be run."""
+"""`benchctl procedures`: list the procedures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from benchctl.cli.output import BenchOption, JsonOption, QuietOption, result_of
 
 
 def procedures(bench: BenchOption = "simulated", json_to: JsonOption = None, quiet: QuietOption = False) -> None:
-    """List the scripted procedures: what each measures, its parameters, and how long it would take on a bench.
+    """List the scripted procedures: what each measures, its parameters, and its duration on a bench.
 
     Example: `benchctl procedures --bench bench.toml`
     """
@@ -17,15 +17,15 @@ def procedures(bench: BenchOption = "simulated", json_to: JsonOption = None, qui
     from benchctl_instruments.errors import UsageError
 
     with result_of("procedures", json_to, quiet) as result:
-        stands = load_bench(bench)
+        loaded = load_bench(bench)
         listed = []
         for name, procedure in installed_procedures():
             try:
                 plan = procedure.expand()
-            except UsageError as err:  # the others are still there
+            except UsageError as err:  # list the other procedures
                 tell(f"benchctl: warning: {err}", err=True)
                 continue
-            takes_s = bench_time_s(plan, stands)
+            takes_s = bench_time_s(plan, loaded)
             listed.append(
                 {
                     "name": name,
@@ -40,7 +40,7 @@ def procedures(bench: BenchOption = "simulated", json_to: JsonOption = None, qui
                 }
             )
             result.say(
-                f"{name}: {procedure.says}\n    {len(plan.steps)} steps, at least {duration(takes_s)} on {stands.name}"
+                f"{name}: {procedure.says}\n    {len(plan.steps)} steps, at least {duration(takes_s)} on {loaded.name}"
             )
             for p in procedure.parameters:
                 value = ",".join(f"{v:g}" for v in p.default) if isinstance(p.default, tuple) else p.default

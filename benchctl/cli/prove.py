@@ -1,4 +1,4 @@
-"""`benchctl prove`: sealed trials of the diagnosis."""
+"""`benchctl prove`: run sealed (blind) trials of the diagnosis."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def prove(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Draw concealed effects, run the simulated bench through its wires, diagnose blind, unseal and score.
+    """Draw concealed effects, run the simulated bench through its wire protocols, diagnose blind, unseal and score.
 
-    The digest of what a trial conceals is printed before it is diagnosed. Stopped by Ctrl-C, the same command goes on
-    where it was. Example: `benchctl prove --trials 22 --seed 7`
+    The digest of the concealed effects of each trial is printed before the diagnosis. After Ctrl-C, repeat the command
+    to continue. Example: `benchctl prove --trials 22 --seed 7`
 
-    With --on the effects are added to a real recording, and held against what it shows by itself. Example:
-    `benchctl prove --on yaw.h5 --trials 20`
+    With --on, the effects are added to a real recording, and the findings are compared with those of the unchanged
+    recording. Example: `benchctl prove --on yaw.h5 --trials 20`
     """
     if on is not None:
         _on_recording(on, part, trials or _TRIALS_ON, seed, jobs, out, only or generic or keep, json_to, quiet)
@@ -68,8 +68,8 @@ def prove(
             jobs=jobs,
         )
         folder = out or Path("results") / f"prove_seed{seed}"
-        with stop_on_signals() as stop, _told(result, settings.trials, quiet) as told:
-            finished = list(run_proof(settings, folder, told=told, stop=stop))
+        with stop_on_signals() as stop, _told(result, settings.trials, quiet) as on_event:
+            finished = list(run_proof(settings, folder, told=on_event, stop=stop))
         summary = summarize(seed, finished)
         written = write_proof_report(folder, summary)
         result.values |= {**summary.as_json(), **written, "folder": folder}
@@ -106,8 +106,8 @@ def _on_recording(
             raise UsageError("--on: goes with --part, --trials, --seed, --jobs and --out; leave the others out")
         proof = RecordingProof(recording=recording, part=cast("Part", part), seed=seed, trials=trials, jobs=jobs)
         folder = out or Path("results") / f"prove_{recording.stem}_seed{seed}"
-        with stop_on_signals() as stop, _told(result, trials, quiet) as told:
-            finished = list(prove_on(proof, folder, told=told, stop=stop))
+        with stop_on_signals() as stop, _told(result, trials, quiet) as on_event:
+            finished = list(prove_on(proof, folder, told=on_event, stop=stop))
         values = as_json(proof, untouched_findings(folder), finished)
         result.values |= {**values, "folder": folder}
         for line in lines_on(values):
@@ -128,7 +128,7 @@ def _generic(wanted: bool | None, result: Result) -> bool:
 
 @contextmanager
 def _told(result: Result, trials: int, quiet: bool) -> Iterator[Callable[[int, str], None]]:
-    """Digests as lines, and a bar where there is a terminal."""
+    """Yield a callback that prints digests as lines and updates a progress bar at a terminal."""
     import threading
 
     from benchctl.cli.terminal import progress_bar

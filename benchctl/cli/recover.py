@@ -1,4 +1,4 @@
-"""`benchctl recover`: closes the recording of a campaign whose program died."""
+"""`benchctl recover`: close the recording of a campaign whose program crashed."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def recover(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """After a crash: close the recording, mark the step that was cut, say what is whole. Nothing moves.
+    """After a crash: close the recording, mark the interrupted step, and report the complete steps. Nothing moves.
 
-    `benchctl run … --resume` then goes on with it.
+    `benchctl run … --resume` then resumes the campaign.
 
     Example: `benchctl recover results/20261120-180000_two_stage_SIM-0001`
     """

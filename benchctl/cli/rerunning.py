@@ -1,4 +1,4 @@
-"""`benchctl run --again`: what is run again, and what is said of it beside the first run."""
+"""`benchctl run --again`: prepare a rerun, and compare it with the first run."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import typer
 
+from benchctl.app.rerun import FirstRun, first_run, lines, rerun_of
 from benchctl.bench import Bench
 from benchctl.campaign.again import CHOSEN_HERE, bench_again, plan_again
 from benchctl.campaign.runner import Outcome
@@ -14,12 +15,14 @@ from benchctl.cli.output import Result
 from benchctl.plan import Plan
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import refuse_changed
-from benchctl.reports.rerunning import FirstRun, first_run, lines, rerun_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Again:
-    """The first run, measured, and the plan and bench to run it again; `seeded`: with a seed that was named."""
+    """The first run with its measured results, and the plan and bench of the rerun.
+
+    `seeded` is true if a seed was given on the command line.
+    """
 
     first: FirstRun
     plan: Plan
@@ -27,7 +30,7 @@ class Again:
     seeded: bool
 
     def tell(self, outcome: Outcome, result: Result) -> None:
-        """Hold a finished run against the first one; raises `typer.Exit` where limits judge it and it is no PASS."""
+        """Compare a finished run with the first one; raise `typer.Exit` if it is judged by limits and is not PASS."""
         rerun = rerun_of(self.first, outcome.recording, expected=() if self.seeded else CHOSEN_HERE)
         result.values["again"] = rerun.values()
         result.say(lines(rerun))
@@ -43,16 +46,16 @@ class Again:
 
 
 def to_run_again(path: Path, *, bench: Bench | None, limits: Path | None, seed: int | None) -> Again:
-    """What a recording says is to be run again, on its own bench or on the one that is named.
+    """Return the plan and bench to rerun a recording, on its recorded bench or on `bench`.
 
     Raises
     ------
     UsageError
-        Where it was changed, cannot be read, or cannot be run again; nothing has been run then.
+        If the recording was changed, cannot be read, or cannot be rerun. Nothing has moved then.
     """
     refuse_changed(path, "run again")
     with open_recording(path) as recording:
         meta = recording.meta
     plan = plan_again(meta, str(path))
-    stands = bench_again(meta, str(path), bench, seed)
-    return Again(first=first_run(path, limits), plan=plan, bench=stands, seeded=seed is not None)
+    rerun_bench = bench_again(meta, str(path), bench, seed)
+    return Again(first=first_run(path, limits), plan=plan, bench=rerun_bench, seeded=seed is not None)

@@ -1,4 +1,4 @@
-"""`benchctl run`: a campaign, or one again."""
+"""`benchctl run`: run a campaign, resume one, or repeat one."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def run(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Run a procedure, record it, and fit it where it calibrates; or go on with a campaign that ended early.
+    """Run a procedure, record it, and fit it if it is a calibration; or resume a campaign that ended early.
 
     Example: `benchctl run two_stage --bench simulated -p points=5 -p soak_s=1h`,
     `benchctl run two_stage --bench lab/bench.toml --dry-run`,
@@ -74,10 +74,11 @@ def run(
     `benchctl run --again first/recording.h5 --bench lab/bench.toml`,
     `benchctl run misalignment --bench lab/bench.toml --answers answers.toml`
 
-    With --again FIRST, a recording or a campaign's folder, its procedure is run again with its parameters on the same
-    unit: on --bench, or on its own bench where that was simulated, with the noise of another day unless --seed. Says
-    what differs from FIRST: procedure, bench, instruments, software, and every test. By --limits, or by those of the
-    acceptance beside FIRST, it is judged as by accept: exit status 1 unless all passes. Writes `rerun.json`.
+    With --again FIRST, a recording or a campaign's folder, the procedure is repeated with the same parameters on the
+    same unit: on --bench, or on the recorded bench if that was simulated (with new noise unless --seed is given).
+    Reports what differs from FIRST: procedure, bench, instruments, software, and every test. The result is judged by
+    --limits, or by the limits of the acceptance stored with FIRST: exit status 1 unless every test passes. Writes
+    `rerun.json`.
     """
     from contextlib import nullcontext
 
@@ -92,39 +93,39 @@ def run(
     with result_of("run", json_to, quiet) as result:
         _refuse_contradictions(procedure, parameter, again, limits, out, resume)
         answered = None if answers is None else read_answers(answers)
-        stands = None if bench is None else load_bench(bench)
-        if seed is not None and stands is not None and not stands.simulated:
+        loaded = None if bench is None else load_bench(bench)
+        if seed is not None and loaded is not None and not loaded.simulated:
             raise UsageError(
-                f"--seed {seed}: only a bench with simulated = true has a seed, and {stands.name} is none; leave it out"
+                f"--seed {seed}: only a bench with simulated = true has a seed, and {loaded.name} is none; leave it out"
             )
         rerun = None
         if again is not None:
             from benchctl.cli.rerunning import to_run_again
 
-            rerun = to_run_again(again, bench=stands, limits=limits, seed=seed)
-            plan, stands = rerun.plan, rerun.bench
-        elif procedure is None or stands is None:
+            rerun = to_run_again(again, bench=loaded, limits=limits, seed=seed)
+            plan, loaded = rerun.plan, rerun.bench
+        elif procedure is None or loaded is None:
             raise UsageError("run needs a procedure (benchctl procedures lists them) and --bench, or --again FIRST")
         else:
-            plan, stands = find_procedure(procedure).expand(parameters(parameter)), stands.with_seed(seed)
-        folder = out or resume or new_folder(plan.procedure, stands.unit.serial)
+            plan, loaded = find_procedure(procedure).expand(parameters(parameter)), loaded.with_seed(seed)
+        folder = out or resume or new_folder(plan.procedure, loaded.unit.serial)
         if dry_run:
             from benchctl.cli.dry_run import preview_run
 
-            with past_of(folder, plan, stands, seeded=seed is not None) if resume else nullcontext() as past:
-                preview_run(result, plan, past.bench if past else stands, folder, answers=answered, past=past)
+            with past_of(folder, plan, loaded, seeded=seed is not None) if resume else nullcontext() as past:
+                preview_run(result, plan, past.bench if past else loaded, folder, answers=answered, past=past)
             return
         if resume is not None:
-            outcome = resumed(plan, stands, resume, seeded=seed is not None, yes=yes, quiet=quiet, answers=answered)
+            outcome = resumed(plan, loaded, resume, seeded=seed is not None, yes=yes, quiet=quiet, answers=answered)
         else:
-            outcome = play(plan, stands, folder, quiet=quiet, answers=answered)
+            outcome = play(plan, loaded, folder, quiet=quiet, answers=answered)
         result.values |= {"campaign": outcome.campaign, **told(outcome)}
         result.say(summary(outcome))
         if outcome.error is not None:
             raise outcome.error
         if plan.calibrates:
+            from benchctl.app.fit import fit_recordings
             from benchctl.recordings.campaign_manifest import add_to_manifest
-            from benchctl.reports.fitting import fit_recordings
 
             fitted = fit_recordings([outcome.recording], outcome.campaign)
             add_to_manifest(outcome.campaign, [fitted.values["coefficients"], fitted.values["report"]])
@@ -135,7 +136,7 @@ def run(
 
 
 def further_help() -> str:
-    """The file of answers by example."""
+    """Return an example of the file of answers."""
     return """An operator's answers, for a plan that asks somebody to do something where nobody is, as in CI: each
 question in full, as benchctl check lists it, and "done", or "refuse", which ends the run safely with exit status 3.
 Nothing moves where a question has no answer.

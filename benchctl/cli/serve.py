@@ -1,4 +1,4 @@
-"""`benchctl serve`: the live page."""
+"""`benchctl serve`: serve the live page."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ def serve(
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="Whom to answer: only this machine.")] = "127.0.0.1",
     read_only: Annotated[bool, typer.Option("--read-only", help="Nobody may stop a run from the page.")] = False,
 ) -> None:
-    """Show campaigns in a browser: those that run, live, and those that are over; stop a run from there.
+    """Show running and finished campaigns in a browser; a running campaign can be stopped from the page.
 
-    Prints one line of JSON, its address and two tokens, then serves until Ctrl-C or SIGTERM. Whoever has `token` may
-    stop a run, whoever has `view_token` only looks. It reads recordings and changes none, and gives way to a run on
-    the same machine. From another machine: `ssh -L 8123:127.0.0.1:8123 LAB-PC`, then open http://127.0.0.1:8123 there.
+    Prints the address and two tokens as one line of JSON, then serves until Ctrl-C or SIGTERM. `token` permits
+    stopping a run; `view_token` permits viewing only. The server never changes a recording and runs at low priority,
+    so that it does not disturb a run on the same machine. From another machine: `ssh -L 8123:127.0.0.1:8123 LAB-PC`,
+    then open http://127.0.0.1:8123 there.
 
     Example: `benchctl serve`, `benchctl serve lab/results --port 8123 --read-only`
     """
@@ -53,6 +54,6 @@ def serve(
         return explained(term)
 
     run_page(folder, host, port, read_only=read_only, explain=words, ready=ready, warn=warn)
-    # All is said and closed. A thread that is still in the middle of a recording holds HDF5's lock, for which the
-    # interpreter's own end would wait.
+    # All output is written and everything is closed. A thread that is still reading a recording holds HDF5's lock, and
+    # a normal exit of the interpreter would wait for it.
     os._exit(0)

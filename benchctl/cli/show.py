@@ -1,4 +1,4 @@
-"""`benchctl show`: what is in a recording."""
+"""`benchctl show`: show the contents of a recording."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def show(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """What is in a recording: steps, channels, units, provenance, integrity.
+    """Show the contents of a recording: steps, channels, units, provenance, integrity.
 
     Example: `benchctl show results/20261120-180000_two_stage_SIM-0001`
     """
@@ -43,8 +43,8 @@ _INTEGRITY = {True: "nothing changed since it was written", False: "CHANGED sinc
 
 def _line(step: dict[str, Any]) -> str:
     lost = step.get("frames_lost", 0)
-    told = (("CUT", not step["whole"]), (f"{step['gaps']} gaps", step["gaps"]), (f"{lost} frames lost", lost))
-    marks = [mark for mark, here in told if here]
+    faults = (("CUT", not step["whole"]), (f"{step['gaps']} gaps", step["gaps"]), (f"{lost} frames lost", lost))
+    marks = [mark for mark, present in faults if present]
     return (
         f"{step['index']:4d}  {step['name']:<32} {step['kind']:<14} {step['role']:<7} {step['samples']:>9,} samples  "
         f"{step['t_start']:.1f} to {step['t_end']:.1f} s  {' '.join(marks)}"

@@ -1,4 +1,4 @@
-"""`benchctl sim`: the simulated bench as servers, for other programs to talk to."""
+"""`benchctl sim`: serve the simulated instruments of a bench to other programs."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def sim(
 ) -> None:
     """Start the simulated instruments of a bench as servers, print their addresses as one line of JSON, and serve.
 
-    They are wired as bench.toml says: its options (a unit's number, channels) and what kind of line its addresses name.
-    Ends on Ctrl-C or SIGTERM. Example: `benchctl sim --bench simulated --speed 20 --write-bench sim.toml`, and in
-    another terminal `benchctl run static --bench sim.toml`.
+    The wiring follows bench.toml: its options (such as unit number and channels) and the kind of line in its
+    addresses. Ends on Ctrl-C or SIGTERM. Example: `benchctl sim --bench simulated --speed 20 --write-bench sim.toml`,
+    and in another terminal `benchctl run static --bench sim.toml`.
     """
     import json
     import sys
@@ -49,12 +49,12 @@ def sim(
     from benchctl_instruments.simulated.clock import ScaledClock
 
     with result_of("sim", json_to, quiet) as result:
-        stands = load_bench(bench).with_seed(seed)
+        loaded = load_bench(bench).with_seed(seed)
         options = {"chamber": {"pace_baud": pace_baud}} if pace_baud else {}
-        with stop_on_signals() as stop, simulated_bench(stands, ScaledClock(speed), **options) as servers:
-            drivers_at(stands, servers.clock, servers.addresses)  # whoever connects with this bench.toml can make them
+        with stop_on_signals() as stop, simulated_bench(loaded, ScaledClock(speed), **options) as servers:
+            drivers_at(loaded, servers.clock, servers.addresses)  # check that clients can create the drivers
             if write_bench is not None:
-                _write_bench(write_bench, stands, servers.addresses, speed)
+                _write_bench(write_bench, loaded, servers.addresses, speed)
             result.values |= servers.addresses
             sys.stdout.write(json.dumps(servers.addresses) + "\n")
             sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""`benchctl simulate`: a recording by the simulated bench, without the wire."""
+"""`benchctl simulate`: record a procedure on the simulated bench, without the instrument protocols."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def simulate(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Record a procedure on the simulated bench without its wires: the same physics and the same runner, only faster.
+    """Record a procedure on the simulated bench without the instrument protocols: same physics and runner, but faster.
 
     Example: `benchctl simulate rate_sweep -o sweep.h5 --seed 7`
     """
@@ -47,12 +47,12 @@ def simulate(
     from benchctl_instruments.errors import UsageError
 
     with result_of("simulate", json_to, quiet) as result:
-        stands = load_bench(bench)
-        if not stands.simulated:
+        loaded = load_bench(bench)
+        if not loaded.simulated:
             raise UsageError(f"--bench {bench}: expected a bench with simulated = true; benchctl run takes real ones")
         if model is not None:
-            stands = stands.obeying(read_model(model))
-        stands = stands.with_seed(seed)
+            loaded = loaded.obeying(read_model(model))
+        loaded = loaded.with_seed(seed)
         plan = find_procedure(procedure).expand(parameters(parameter))
         refuse_existing(output)
         if output.is_dir():
@@ -60,7 +60,7 @@ def simulate(
         if not output.parent.is_dir():
             raise UsageError(f"-o {output}: there is no folder {output.parent}; make it first")
         with tempfile.TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
-            outcome = play(plan, stands, Path(folder), quiet=quiet, wires=False)
+            outcome = play(plan, loaded, Path(folder), quiet=quiet, wires=False)
             if outcome.error is not None:
                 raise outcome.error
             shutil.move(outcome.recording, output)

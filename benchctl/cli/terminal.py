@@ -1,4 +1,4 @@
-"""Progress on stderr, of a campaign or a diagnosis; the terminal may go away without ending the work."""
+"""Show the progress of a campaign or a diagnosis on stderr; the work continues if the terminal disappears."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from benchctl.cli.messages import duration, let_go
 REDRAW_S = 0.1
 
 Draw = Callable[[str, float, str], None]
-"""Called with what is being done, the share that is done, and a remark behind the bar."""
+"""Called with a description of the current work, the completed fraction, and a remark after the bar."""
 
 
 class _Terminal(io.TextIOBase):
-    """stderr; its window may be closed or its connection lost."""
+    """stderr; write errors, after its window is closed or its connection is lost, are ignored."""
 
     def __init__(self) -> None:
-        self._stream = sys.stderr  # as it is now: while bars are drawn, rich puts itself in its place
+        self._stream = sys.stderr  # the current one: rich replaces sys.stderr while it draws bars
 
     @property
-    def encoding(self) -> str:  # type: ignore[override]  # an attribute there, which io gives no way to set
+    def encoding(self) -> str:  # type: ignore[override]  # an attribute in io.TextIOBase, which cannot be set
         return self._stream.encoding
 
     def write(self, text: str) -> int:
@@ -51,7 +51,7 @@ class _Terminal(io.TextIOBase):
 
 @contextmanager
 def progress_bar(beginning: str, quiet: bool) -> Iterator[Draw | None]:
-    """A bar on stderr, redrawn a few times a second; None where nobody would see it."""
+    """Show a bar on stderr, redrawn a few times per second; yield None if quiet or stderr is not a terminal."""
     if quiet or not sys.stderr.isatty():
         yield None
         return
@@ -76,12 +76,12 @@ def progress_bar(beginning: str, quiet: bool) -> Iterator[Draw | None]:
 
 
 _FORECAST_FROM = 0.02
-"""The share of the work after which the time left is told."""
+"""The fraction of the work after which the remaining time is shown."""
 
 
 @contextmanager
 def live_progress(quiet: bool) -> Iterator[Progress]:
-    """Somebody to tell how the run goes: a terminal where there is one, else nobody."""
+    """Yield a callback that shows the progress of a run; it does nothing if quiet or stderr is not a terminal."""
     with progress_bar("opening the bench", quiet) as draw:
         if draw is None:
             yield nobody
@@ -101,7 +101,10 @@ def live_progress(quiet: bool) -> Iterator[Progress]:
 
 @contextmanager
 def search_progress(quiet: bool) -> Iterator[Callable[[str, float], None] | None]:
-    """Whom a search tells what it tries and which share, 0 to 1, is behind it; None where nobody would see it."""
+    """Yield a callback for a search, called with the current trial and the completed fraction (0 to 1).
+
+    Yields None if quiet or stderr is not a terminal.
+    """
     with progress_bar("reading", quiet) as draw:
         if draw is None:
             yield None

@@ -1,4 +1,4 @@
-"""The verbs, in the order in which people need them; each is imported when it is asked for."""
+"""The verbs (subcommands), in the order of typical use; each module is imported only when its verb is run."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ GROUPS: dict[str, dict[str, str]] = {
     },
 }
 
-VERBS: dict[str, str] = {name: says for group in GROUPS.values() for name, says in group.items()}
-"""All verbs, each with a line of help."""
+VERBS: dict[str, str] = {name: summary for group in GROUPS.values() for name, summary in group.items()}
+"""All verbs, each with one line of help."""
 
 SYNONYMS = {
     "acceptance": "accept",
@@ -56,16 +56,16 @@ SYNONYMS = {
     "selftest": "doctor",
     "watch": "serve",
 }
-"""What other programs call a verb; said in an error only."""
+"""Names of verbs in other programs; used only in error messages."""
 
 
 def module_of(verb: str) -> ModuleType:
-    """The module of a verb, imported now; the function in it has the module's name, too."""
+    """Import and return the module of a verb; the verb's function has the same name as the module."""
     return importlib.import_module(f"benchctl.cli.{_identifier(verb)}")
 
 
 def function_name(verb: str) -> str:
-    """The name of the verb's function in its module."""
+    """Return the name of the verb's function in its module."""
     return _identifier(verb)
 
 
@@ -88,7 +88,7 @@ EXAMPLES = (
 
 
 def overview() -> str:
-    """The whole text."""
+    """Return the text of `benchctl --help`."""
     return "\n".join(_lines())
 
 
@@ -103,8 +103,8 @@ def _lines() -> Iterator[str]:
     for group, verbs in GROUPS.items():
         yield ""
         yield f"{group}:"
-        yield from (f"  {name:<{width}}  {says}" for name, says in verbs.items())
+        yield from (f"  {name:<{width}}  {summary}" for name, summary in verbs.items())
     yield ""
     yield "Options:"
     width = max(map(len, OPTIONS))
-    yield from (f"  {option:<{width}}  {says}" for option, says in OPTIONS.items())
+    yield from (f"  {option:<{width}}  {summary}" for option, summary in OPTIONS.items())

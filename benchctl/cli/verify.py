@@ -1,4 +1,4 @@
-"""`benchctl verify`: nothing changed since it was written."""
+"""`benchctl verify`: check that nothing has changed since it was written."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def verify(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Check digests: names every channel, attribute, step, and file of a campaign that changed; exit status 1 then.
+    """Check digests; list every changed channel, attribute, step and campaign file; exit status 1 if there are any.
 
     Example: `benchctl verify results/20261120-180000_two_stage_SIM-0001`, `benchctl verify recording.h5`
     """
@@ -36,7 +36,7 @@ def verify(
 
 
 def _reach(path: Path, campaign: str | None) -> str:
-    """What was checked, where a campaign's folder was named."""
+    """Return a text that states the extent of the check of a campaign's folder."""
     if campaign is not None:
         return f"; campaign digest {campaign}"
     return " (its steps; the campaign is not closed, and so has no manifest yet)" if path.is_dir() else ""

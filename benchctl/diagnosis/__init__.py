@@ -1,4 +1,4 @@
-"""Diagnosis: where a model and a recording part, and what physics the model leaves out."""
+"""Diagnosis: where a model and a recording disagree, and which physical effects the model lacks."""
 
 from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.gyro.predicted import predict

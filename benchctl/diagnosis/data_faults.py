@@ -1,4 +1,4 @@
-"""Faults of the data taken out before anything is chosen: lost bits, a rail, held samples, spikes, an overload."""
+"""Removal of data faults before the search: lost bits, rails, held samples, spikes, overload."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.physics.effects.registry import effect
 
 _HASTIEST = 0.05
-"""Share of the rows that count as sudden by their acceleration."""
+"""Share of the rows that count as sudden because of their acceleration."""
 
 
 def without_data_faults(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
-    """The problem without its spoilt rows, and the faults that spoilt them.
+    """Return the problem without its spoilt rows, and the faults that spoilt them.
 
-    Those of a gyro are found where its samples are compared one by one, else its rails alone; an overload in its static
-    points, those of a chamber or a drive when its readings are laid out. What is withheld from a diagnosis is neither
-    stated nor taken out.
+    A gyro's faults are found if its samples are compared one by one; otherwise only its rails are. In static points an
+    overload is found. A chamber's or drive's faults are found when the problem is built. Faults in `without` are
+    neither reported nor removed.
     """
     if isinstance(problem, ChamberProblem | DriveProblem):
         return problem, problem.faults
@@ -69,32 +69,32 @@ def without_data_faults(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
 
 
 def _behind_rails(problem: GyroProblem, rail: Fault | None, rows: IntArray) -> tuple[Problem, tuple[Fault, ...]]:
-    """A problem of slow parts with the rail that its samples show, which stays in every model of it.
+    """Return a problem of slow components with the rail found in its samples, which stays in every model.
 
-    Each slow part is made of many samples, and where the motion shakes some of them stand at the rail nearly always.
+    Each slow component is made of many samples; with vibration, some of them are at the rail nearly always.
     """
     if rail is None or rail.effect in problem.without:
         return problem, ()
-    its = effect(rail.effect).make({name: value.value for name, value in rail.parameters.items()})
-    return problem.behind(its, rail.rows), (rail.on_rows(rail.rows[rows]),)
+    rail_effect = effect(rail.effect).make({name: value.value for name, value in rail.parameters.items()})
+    return problem.behind(rail_effect, rail.rows), (rail.on_rows(rail.rows[rows]),)
 
 
 def _hasty(acceleration_dps2: FloatArray) -> BoolArray:
-    """Rows in which the rate changes fastest: there a kink of the response, a fold say, is passed in a row or two."""
+    """Return the rows with the fastest rate changes; a kink of the response, such as a fold, passes in 1 or 2 rows."""
     size = np.abs(acceleration_dps2)
     return np.asarray(size > np.quantile(size, 1.0 - _HASTIEST))
 
 
 def fault_findings(problem: Problem, faults: tuple[Fault, ...]) -> Iterator[Finding]:
-    """Faults as findings."""
+    """Yield the faults as findings."""
     for one in faults:
         spoilt = one.rows.astype(np.float32)
-        seen = where_of(problem, spoilt, one.coordinate) if one.rows.any() else Where(coordinate=one.coordinate)
+        located = where_of(problem, spoilt, one.coordinate) if one.rows.any() else Where(coordinate=one.coordinate)
         yield Finding(
             effect=one.effect,
             probability=1.0,
             parameters=one.parameters,
-            where=one.where or seen,
+            where=one.where or located,
             explains=float(one.rows.mean()),
             gain=one.gain,
             gain_heldout=0.0,
@@ -103,7 +103,7 @@ def fault_findings(problem: Problem, faults: tuple[Fault, ...]) -> Iterator[Find
 
 
 def coarse_step_of(problem: Problem, faults: tuple[Fault, ...]) -> float:
-    """The step [unit] of a converter that has lost bits; 0 where it has not."""
+    """Return the step [unit] of a converter that has lost bits, or 0 if it has lost none."""
     bits = next((one.parameters["bits_lost"].value for one in faults if one.effect == "adc_coarse"), None)
     if bits is None or not isinstance(problem, GyroProblem):
         return 0.0

@@ -1,4 +1,4 @@
-"""A diagnosis of a recording, from the samples to what it says."""
+"""Diagnosis of a recording, from the samples to the result."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from benchctl.recordings.reader import Recording
 from benchctl_instruments.errors import UsageError
 
 _MOST_UNROUNDED = 2
-"""How often a coarse converter's steps are taken off: with what was found meanwhile the prediction is closer."""
+"""Maximum number of times a coarse converter's steps are removed: each time the prediction is more accurate."""
 _FEWEST_ROWS = 100
 _CONSTANT = 1e-9  # relative peak-to-peak; a 24-bit converter resolves 6e-8
 
@@ -50,14 +50,14 @@ def diagnose(
     without: Collection[str] = (),
     progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosis:
-    """What physics the lab's model of a part of the bench leaves out, as far as the recording demands it.
+    """Find the effects that the lab's model of a part of the bench lacks, as far as the recording requires them.
 
-    `model` takes the place of the one that the recording names; hypotheses `without` are not tried. `progress` is told
-    what is being tried and the share that is done.
+    `model` replaces the model that the recording names; hypotheses listed in `without` are not tested. `progress` is
+    called with the name of the hypothesis under test and the completed share.
 
-    Raises `UsageError` where the recording names no model, or holds too little of the part.
+    Raises `UsageError` if the recording names no model or has too few usable rows.
     """
-    # the cores have threads of ours, and digits would depend on how many of its own BLAS has
+    # our own threads use all cores; with several BLAS threads the last digits would depend on their number
     with threadpool_limits(limits=1, user_api="blas"):
         return _diagnosis(recording, model, part, seed, without, progress or (lambda _name, _share: None))
 
@@ -91,10 +91,10 @@ def _diagnosis(
         problem = other
         chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2, chosen=chosen)
     told("what is left", 0.95)
-    problem.forget()  # what is left is found without predictions
+    problem.forget()  # the following steps need no fast predictions
     tried = _names(chosen)
     spikes = any(fault.effect == "outliers" for fault in faults)
-    chosen, unexplained, owed = _attributed(problem, chosen, rounding_v2=rounding_v2, spikes=spikes, seed=seed)
+    chosen, unexplained, notes = _attributed(problem, chosen, rounding_v2=rounding_v2, spikes=spikes, seed=seed)
     chosen = without_nothing(problem, chosen)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit) for one in found)
@@ -124,7 +124,7 @@ def _diagnosis(
         steps=step_figures(problem, chosen),
         traces=traces_of(problem, chosen, faults),
         notes=(
-            *(said_of(one, part) for one in owed),
+            *(said_of(one, part) for one in notes),
             *unseen_in(chosen, names),
             *remarks,
             *_at_bounds(problem, chosen),
@@ -138,24 +138,23 @@ def _diagnosis(
 def _attributed(
     problem: Problem, searched: Selection, *, rounding_v2: float, spikes: bool, seed: int
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
-    """What is named of what was searched, what is unexplained, with its model, and what is to be noted.
+    """Return the selection after naming, the unexplained part with its model, and notes.
 
-    Names that something else may be behind stand all the same where nothing else was found that does as well. Of a
-    swing at one frequency all coordinates of the motion are one, along which a structure follows anything: none speaks
-    against a name.
+    Names that another cause could replace are kept if no other model does equally well. In a swing at one frequency all
+    motion coordinates are equivalent, so that a structure along them can follow anything: none argues against a name.
     """
     tried = _names(searched)
     left = named(problem, searched, rounding_v2=rounding_v2, seed=seed)
-    fallen = tried - _names(left[0])
-    if not fallen or not isinstance(problem, GyroProblem):
-        return with_structures(problem, *left, fallen=fallen, spikes=spikes, seed=seed)
+    dropped = tried - _names(left[0])
+    if not dropped or not isinstance(problem, GyroProblem):
+        return with_structures(problem, *left, fallen=dropped, spikes=spikes, seed=seed)
     modelled = None
     if not swinging_hz(problem):
-        modelled = with_structures(problem, *left, fallen=fallen, spikes=spikes, seed=seed)
+        modelled = with_structures(problem, *left, fallen=dropped, spikes=spikes, seed=seed)
         if not names_do_better(problem, searched, modelled[0], seed=seed):
             return modelled
     left = named(problem, searched, rounding_v2=rounding_v2, contested=True, seed=seed)
-    if modelled is not None and _names(left[0]) == tried - fallen:
+    if modelled is not None and _names(left[0]) == tried - dropped:
         return modelled
     return with_structures(problem, *left, fallen=tried - _names(left[0]), spikes=spikes, seed=seed)
 
@@ -165,9 +164,9 @@ def _names(chosen: Selection) -> set[str]:
 
 
 def _require_rows(recording: Recording, problem: Problem) -> None:
-    """Raise `UsageError` where too few rows of a gyro are usable, or its output never changes."""
+    """Raise `UsageError` if too few rows of a gyro are usable, or if its output is constant."""
     if not isinstance(problem, GyroProblem):
-        return  # drive, chamber and static points have minima of their own
+        return  # drive, chamber and static points check their own minima
     usable = np.count_nonzero(problem.usable)
     output = problem.measured[problem.usable] if usable else problem.measured
     if np.ptp(output) <= _CONSTANT * np.abs(output).max():
@@ -185,7 +184,7 @@ def _require_rows(recording: Recording, problem: Problem) -> None:
 
 
 def _at_bounds(problem: Problem, chosen: Selection) -> Iterator[str]:
-    """Parameters of the baseline that stand at the bound of what is plausible, in sentences."""
+    """Yield sentences about baseline parameters that are at the bound of the plausible range."""
     units = dict(zip(problem.baseline_names, problem.baseline_units, strict=True))
     for number, value in zip(chosen.whole.numbers, chosen.whole.point.baseline.tolist(), strict=False):
         if stands_at(value, number.low, number.high):
@@ -197,7 +196,7 @@ def _at_bounds(problem: Problem, chosen: Selection) -> Iterator[str]:
 
 
 def _model(problem: Problem, chosen: Selection) -> dict[str, Any]:
-    """The content of the model file."""
+    """Return the content of the model file."""
     unnamed = () if chosen.noise_structure is None else (chosen.noise_structure,)
     effects = (*chosen.whole.point.effects, *noise_effects(chosen), *unnamed)
     tables = problem.model_of(chosen.whole.point.baseline, effects, chosen.white_deviation)

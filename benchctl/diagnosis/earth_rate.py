@@ -1,7 +1,7 @@
-"""What a recording does not state: nature's answer is taken, unless the recording itself speaks against it.
+"""Choice of an assumption that a recording does not state: the natural one, unless the recording contradicts it.
 
-A gyro on a table feels the Earth's rate, and where the scale factor bends with the rate that leaves an even trace of a
-millionth of full scale, which would be taken for an effect. But a simulation's recording may hold nothing of it.
+A gyro on a table measures the Earth's rate. If the scale factor depends on the rate, this leaves an even error of a
+millionth of full scale, which would be mistaken for an effect. A simulated recording may contain no Earth rate.
 """
 
 from __future__ import annotations
@@ -18,34 +18,35 @@ from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import FloatArray
 
 BEYOND_CHANCE = 6.0
-"""Twice the log likelihood that the less natural answer must gain: odds of twenty to one."""
+"""Required gain in twice the log likelihood of the less natural assumption: odds of twenty to one."""
 
 
 def other_answer(problem: Problem, chosen: Selection) -> Problem | None:
-    """The problem under the other answer, where that explains the recording better, or with one effect less; or None.
+    """Return the problem under the other assumption if that explains the recording better or with fewer effects.
 
-    What was chosen is where the search begins again then.
+    Otherwise return None. The new search starts from the chosen model.
     """
     other = problem.otherwise()
     if other is None:
         return None
-    whole, white = chosen.whole, chosen.whitener
-    variance = whole.deviation**2
-    moved = white(other.predict(whole.point.baseline, whole.point.effects) - whole.predicted)
+    fitted, white = chosen.whole, chosen.whitener
+    variance = fitted.deviation**2
+    moved = white(other.predict(fitted.point.baseline, fitted.point.effects) - fitted.predicted)
     reach = float(moved @ moved) / variance
     if reach < BEYOND_CHANCE:
         return None
     everything = np.ones_like(chosen.heldout)
     for point, allowed in _simpler(chosen, reach):
-        if fit(other, white, point, everything).squares < whole.squares + allowed * variance:
+        if fit(other, white, point, everything).squares < fitted.squares + allowed * variance:
             return other
     return None
 
 
 def plainly_better(problem: Problem, fitted: Fit, white: Whitener) -> Problem | None:
-    """The problem under the other answer, where that explains the recording better with a model as it is; or None.
+    """Return the problem under the other assumption if that explains the recording better with the same model.
 
-    All steps are asked, and the numbers refitted to them by one step: the two answers are so near to each other.
+    Otherwise return None. All steps are used; the parameters are refitted by one step only, as the assumptions differ
+    very little.
     """
     other = problem.otherwise()
     if other is None:
@@ -62,7 +63,7 @@ def plainly_better(problem: Problem, fitted: Fit, white: Whitener) -> Problem | 
 
 
 def _simpler(chosen: Selection, reach: float) -> Iterator[tuple[Point, float]]:
-    """Models to try, and by how much twice the log likelihood may fall with each: negative where it must rise."""
+    """Yield models to test, and the allowed decrease of twice the log likelihood; negative if it must increase."""
     point = chosen.whole.point
     yield point, -BEYOND_CHANCE
     for i, one in enumerate(chosen.evidence.values()):

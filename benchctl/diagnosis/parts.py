@@ -1,4 +1,4 @@
-"""The parts of a bench that can be diagnosed, each with its own problem."""
+"""The parts of a bench that can be diagnosed, and the problem of each."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from benchctl_instruments.errors import UsageError
 def problem_of(
     recording: Recording, part: Part, *, model: Mapping[str, Any] | None = None, without: Collection[str] = ()
 ) -> Problem:
-    """The problem of a part of the bench, of its recording and of the model that its lab believes in.
+    """Return the problem of a part of the bench for a recording and the lab's model.
 
-    `model` is the table of a model file that belongs to the part: `[simulation]` of the gyro, `[parts.drive]`,
-    `[parts.chamber]`. Without one, a gyro's is that of the recording; a drive's or chamber's is the recording's own
-    table of that name, in `meta.extra`, or else estimated from the recording.
+    `model` is the table of a model file for the part: `[simulation]` for the gyro, `[parts.drive]`, `[parts.chamber]`.
+    Without it, the gyro's model is that of the recording; the model of the drive or chamber is the recording's table of
+    that name in `meta.extra`, or else is estimated from the recording.
 
-    Raises `UsageError` where the recording does not have what the part takes, or the model has a wrong field.
+    Raises `UsageError` if the recording lacks what the part requires, or if the model has a wrong field.
     """
     if part == "gyro" and has_points(recording):
         return points_problem(recording, model=model, without=without)
     if part == "gyro":
         return gyro_problem(recording, model=model, without=without)
     foreign = recording.meta.extra.get("foreign_keys", {}).get("recording", {})
-    told = model if model is not None else recording.meta.extra.get(part, foreign.get(part))
-    if told is not None and not isinstance(told, Mapping):
-        raise UsageError(f"{recording.path}: {part}: expected a table of numbers, got {told!r}")
+    stated = model if model is not None else recording.meta.extra.get(part, foreign.get(part))
+    if stated is not None and not isinstance(stated, Mapping):
+        raise UsageError(f"{recording.path}: {part}: expected a table of numbers, got {stated!r}")
     if part == "drive":
-        return drive_problem(recording, model=told, without=without)
-    return chamber_problem(recording, model=told, without=without)
+        return drive_problem(recording, model=stated, without=without)
+    return chamber_problem(recording, model=stated, without=without)

@@ -1,8 +1,8 @@
-"""A coarse converter's steps taken off the output, where the noise leaves them standing.
+"""Removal of a coarse converter's steps from the output, if the noise does not smooth them out.
 
-How coarse it is shows in the samples (`faults`), what its steps do to a voltage only beside a prediction that is right
-to a fraction of one: so that this is asked once everything else has been found. An error of the prediction then moves
-the steps' edges, and of half of the rows that cross one each way: to first order it does not come back.
+The step size follows from the samples (`faults`). The effect of the steps on a voltage can be computed only with a
+prediction that is accurate to a fraction of a step, so this test comes last. A prediction error then shifts the edges
+of the steps and moves equal numbers of rows across them in both directions: to first order the errors cancel.
 """
 
 from __future__ import annotations
@@ -23,29 +23,29 @@ from benchctl_instruments.physics.effects.adc_nonlinearity import AdcNonlinearit
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 _OF_THE_STEPS = 0.02
-"""How far a wave's period may be from a whole fraction of a step, in parts of it, to be the steps' own."""
+"""Maximum relative deviation of step/period from an integer for a wave to count as a product of the steps."""
 
 
 def unrounded(problem: Problem, chosen: Selection, step_v: float) -> Problem | None:
-    """The problem without the mean rounding of a converter, where that explains the recording better; or None.
+    """Return the problem without the converter's mean rounding if that explains the recording better, else None.
 
-    `step_v` is what was found of its steps, 0 for none. What was chosen is where the search begins again then: a wave
-    that goes with the output as often as the steps do is their own doing.
+    `step_v` is the detected step, 0 if none was detected. The new search starts from the chosen model; waves whose
+    period is an integer fraction of the step are dropped, as the steps themselves cause them.
     """
     if step_v == 0.0 or not isinstance(problem, GyroProblem):
         return None
-    whole = chosen.whole
-    point = replace(whole.point, effects=tuple(one for one in whole.point.effects if not _of_the_steps(one, step_v)))
+    fitted = chosen.whole
+    point = replace(fitted.point, effects=tuple(one for one in fitted.point.effects if not _of_the_steps(one, step_v)))
     other = problem.unrounded(problem.predict(point.baseline, point.effects), step_v)
     everything = np.ones_like(chosen.heldout)
-    less = whole.squares - fit(other, chosen.whitener, point, everything).squares
-    return other if less > BEYOND_CHANCE * whole.deviation**2 else None
+    less = fitted.squares - fit(other, chosen.whitener, point, everything).squares
+    return other if less > BEYOND_CHANCE * fitted.deviation**2 else None
 
 
 def without_the_steps_own(problem: Problem, chosen: Selection, step_v: float) -> Selection:
-    """The selection without waves that go with the output as often as a converter's steps do.
+    """Return the selection without waves whose period is an integer fraction of the converter's step.
 
-    That much can be left of steps that are ten times the noise and more.
+    Such waves can remain even if the steps are ten times the noise or more.
     """
     effects = chosen.after.point.effects
     own = [key for key, one in zip(keys_of(effects), effects, strict=True) if step_v and _of_the_steps(one, step_v)]

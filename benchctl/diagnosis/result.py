@@ -1,11 +1,11 @@
-"""What a diagnosis says, as data: what the JSON, the report and the model file are made of.
+"""The result of a diagnosis as data, from which the JSON, the report and the model file are made.
 
-Intervals are 95 %. Sizes are in the units of the vocabulary of effects; the rms of `FitFigures` are in volts of the
-gyro's output (of the diagnosed quantity, where another part of the bench is diagnosed).
+Intervals are 95 %. Effect sizes are in the units of the effects' parameters; the rms values in `FitFigures` are in
+volts of the gyro's output (for the drive and the chamber: in the unit of the diagnosed quantity).
 
-In JSON, numbers are rounded so far that the last bits of a sum, which depend on the machine, do not show: an estimate
-to a thousandth of its interval, all others to six significant digits. There are no times and no paths in it: the same
-recording and the same seed give the same text.
+In JSON, numbers are rounded so that machine-dependent last digits do not appear: an estimate to a thousandth of its
+interval, all other numbers to six significant digits. The JSON has no times and no paths: the same recording and the
+same seed give the same text.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ COORDINATE_UNITS: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """A parameter's value, its interval, its unit; of a parameter of the lab's model `was`, what it was before."""
+    """A parameter's value, interval and unit. `was` is the previous value of a parameter of the lab's model."""
 
     value: float
     low: float
@@ -61,9 +61,9 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Where:
-    """Where a mismatch lives: the coordinate, the ranges of it that hold most of it, the steps where it is largest.
+    """Where a mismatch occurs: the coordinate, the ranges that hold most of it, and the steps where it is largest.
 
-    `share_of_excess` is the share of what the noise does not account for that lies in these ranges, 0 to 1.
+    `share_of_excess` is the share, 0 to 1, of the mismatch beyond the noise that lies in these ranges.
     """
 
     coordinate: str
@@ -74,17 +74,17 @@ class Where:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alternative:
-    """Another effect that would do nearly as well, and how probable it is beside the finding."""
+    """Another effect that explains the data nearly as well, with its probability relative to the finding."""
 
     effect: str
     probability: float
     loss: float
-    """By how much twice the log likelihood falls if it takes the finding's place."""
+    """Decrease of twice the log likelihood if this effect replaces the finding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Physics that the data demand. `gain` is the fall of twice the negative log likelihood that it alone brings."""
+    """An effect that the data require. `gain` is the decrease of twice the negative log likelihood it alone brings."""
 
     effect: str
     probability: float
@@ -99,9 +99,9 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotFound:
-    """An effect that was looked for: the smallest size of it that was found again once added to the recording.
+    """An effect that was tested: the smallest size that was detected after it had been added to the recording.
 
-    `parameter` is the one whose size is meant, `others` are the parameters that were held, a time constant say.
+    `parameter` is the parameter that states the size; `others` are parameters held constant, such as a time constant.
     """
 
     effect: str
@@ -113,10 +113,10 @@ class NotFound:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curve:
-    """A structure's function beside the data of steps that were held out, all in the unit of what it changes.
+    """A structure's function compared with the data of held-out steps, all in the unit of the quantity it changes.
 
-    In bins of the coordinate at `place` (m,): what the residual asks of the function (`asked`) and what the function
-    leaves of it (`left`), each with a standard `error`. At `along` (k,) the fitted function with its 95 % band.
+    In bins of the coordinate at `place` (m,): the residual that the function must explain (`asked`) and the residual
+    after it (`left`), each with a standard `error`. At `along` (k,) the fitted function with its 95 % band.
     """
 
     place: FloatArray
@@ -131,9 +131,9 @@ class Curve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StructureModel:
-    """A structure without a name as it was modelled: where it acts, over which coordinate, in which shape.
+    """The model of an unnamed structure: where it acts, over which coordinates, and its shape.
 
-    `explains` is the share of what was left without it, 0 to 1; `hints` are kinds of causes that act so, no findings.
+    `explains` is the share of the residual without it, 0 to 1; `hints` are possible kinds of causes, not findings.
     """
 
     identifier: str
@@ -150,9 +150,9 @@ class StructureModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unexplained:
-    """What no effect accounts for. `share` is its part of the mismatch before anything was explained, 0 to 1.
+    """The part of the mismatch that no effect explains. `share` is relative to the mismatch before any finding, 0 to 1.
 
-    `models` are the structures that it was modelled by, the first the largest; empty where none fits.
+    `models` are the structures that model it, the largest first; empty if none fits.
     """
 
     significant: bool
@@ -164,10 +164,10 @@ class Unexplained:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitFigures:
-    """Rms of residuals in `unit`; `heldout_*` on whole steps that chose and fitted nothing, parameters refitted in all.
+    """Rms of residuals in `unit`, with refitted parameters; `heldout_*` on complete steps held out from the search.
 
-    `noise` is the recording's own, by no model. `heldout_named` is with the findings, `heldout_after` with everything
-    that the model file carries.
+    `noise` is the noise of the recording, independent of any model. `heldout_named` is with the findings,
+    `heldout_after` with everything in the model file.
     """
 
     unit: str
@@ -181,7 +181,7 @@ class FitFigures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NextExperiment:
-    """The run that best settles what is open. `separation` is the fall of twice the log likelihood to be expected."""
+    """The run that best decides the open question. `separation` is the expected fall of twice the log likelihood."""
 
     says: str
     procedure: str = ""
@@ -192,9 +192,9 @@ class NextExperiment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slice:
-    """The residual over one coordinate: bins (m+1 edges) with their means and standard errors, before and after [V].
+    """Mean residual over one coordinate: bins (m+1 edges) with means and standard errors, before and after [V].
 
-    `threshold` is how large |mean|/standard error may be by chance anywhere on the map, one time in a hundred.
+    `threshold` is the value of |mean|/standard error that chance exceeds anywhere on the map once in a hundred cases.
     """
 
     coordinate: str
@@ -208,7 +208,7 @@ class Slice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepFigures:
-    """Rms [V] of one step's residual: by the model as it came, with its parameters refitted, and with the findings."""
+    """Rms [V] of one step's residual: with the original model, with its parameters refitted, and with the findings."""
 
     name: str
     kind: str
@@ -222,9 +222,9 @@ class StepFigures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """A short excerpt of a step for the picture, where before and after differ most; arrays of shape (n,).
+    """A short excerpt of a step for the plot, where before and after differ most; arrays of shape (n,).
 
-    `before` and `after` are predictions of `measured`; rows that are `spoilt` played no part in any of them.
+    `before` and `after` are predictions of `measured`; rows marked `spoilt` were not used for either.
     """
 
     step: str
@@ -238,10 +238,10 @@ class Trace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
-    """All that a diagnosis found.
+    """The complete result of a diagnosis.
 
-    `notes` are honest limits, in sentences: what is not observable in this recording and why. `model` is the content
-    of the model file: what `benchctl simulate --model` runs with.
+    `notes` are limitations, in sentences: what is not observable in this recording and why. `model` is the content of
+    the model file, which `benchctl simulate --model` reads.
     """
 
     recording: str
@@ -260,11 +260,11 @@ class Diagnosis:
     notes: tuple[str, ...]
     model: Mapping[str, Any]
     threshold: float
-    """The gain in twice the log likelihood that chance alone reaches one time in a hundred, anywhere in the search."""
+    """The gain in twice the log likelihood that chance exceeds, anywhere in the search, once in a hundred cases."""
     seed: int
 
     def as_json(self) -> dict[str, Any]:
-        """The contract's JSON (`benchctl-diagnosis/2`), plain data; what is not finite is None."""
+        """Return the data of the JSON format `benchctl-diagnosis/2` as plain objects; non-finite numbers are None."""
         unexplained, following = self.unexplained, self.next_experiment
         return {
             "schema": SCHEMA,
@@ -351,12 +351,12 @@ def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
 
 def _estimate(estimate: Estimate) -> dict[str, Any]:
     width = estimate.high - estimate.low
-    told = {
+    entry = {
         "value": _rounded(estimate.value, width),
         "ci95": [_rounded(estimate.low, width), _rounded(estimate.high, width)],
         "unit": estimate.unit,
     }
-    return told if estimate.was is None else {**told, "was": _rounded(estimate.was, width)}
+    return entry if estimate.was is None else {**entry, "was": _rounded(estimate.was, width)}
 
 
 def _not_found(one: NotFound) -> dict[str, Any]:
@@ -383,7 +383,7 @@ def _step(one: StepFigures) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Parameters of a procedure: numbers, texts, flags, and sequences of them."""
+    """Return a procedure's parameters as plain numbers, strings, booleans, and sequences or mappings of these."""
     if isinstance(value, Mapping):
         return {str(name): _plain(item) for name, item in value.items()}
     if isinstance(value, list | tuple):
@@ -392,7 +392,7 @@ def _plain(value: Any) -> Any:
 
 
 def _rounded(value: float | None, width: float = 0.0) -> float | None:
-    """A plain float to six significant digits; to three of `width` where that is more; None where not finite."""
+    """Return a float to six significant digits, or to three digits of `width` if finer; None if not finite."""
     if value is None or not math.isfinite(value):
         return None
     value = float(value)

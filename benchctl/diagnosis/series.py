@@ -1,7 +1,7 @@
-"""Channels of a recording in one row after another, and what rows are made of them, for parts that have few samples.
+"""Channels of a recording as one continuous series, for parts with few samples, and the pieces it is cut into.
 
-A table's drive and a chamber are diagnosed on means over blocks of samples, so long that their noise is independent.
-A recording of theirs is often one step: it is cut into pieces of time, so that whole pieces can be held out.
+A table's drive and a chamber are diagnosed on block means; the blocks are long enough to make their noise independent.
+Such a recording often consists of one step: it is cut into pieces of time so that complete pieces can be held out.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from benchctl_instruments.errors import UsageError
 _PIECES = 36
 _FEWEST_IN_A_PIECE = 8
 _LATE = 9.0
-"""Intervals that a sample may come late: answers of a chamber or a servo that are asked for once or twice a second.
+"""Number of intervals that a sample may be late: chamber and servo are polled only once or twice a second.
 
-Means and models that run freely in time bridge some missing ones; a soak that nobody recorded is hundreds.
+Means and time-domain models bridge some missing samples; a soak that was not recorded lacks hundreds.
 """
 
 _BYTES_A_ROW = 110
-"""What a diagnosis of a drive or a chamber holds at its peak for each sample that it averages, measured."""
+"""Measured peak memory [bytes] of a drive or chamber diagnosis per averaged sample."""
 
 _UNITS = {
     "_nm": "N m",
@@ -39,14 +39,14 @@ _UNITS = {
     "_w": "W",
     "_c": "degC",
 }
-"""Endings of names, and the units that they promise."""
+"""Name endings and the units that they require."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """Samples in the order of time, shape (n,): `step` is the place of a sample's step in `infos`, `runs` have no gaps.
+    """Samples in order of time, shape (n,): `step` is the index of a sample's step in `infos`; `runs` have no gaps.
 
-    `columns` are channels by name; one that only some steps have is NaN in the others.
+    `columns` are the channels by name; a channel that only some steps have is NaN in the others.
     """
 
     infos: tuple[StepInfo, ...]
@@ -59,25 +59,25 @@ class Series:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pieces:
-    """The steps of a problem: what each is (`infos`) and which row belongs to which, `step` of shape (n,)."""
+    """The steps of a problem: their `infos`, and for each row the index of its step, `step` of shape (n,)."""
 
     infos: tuple[StepInfo, ...]
     step: IntArray
 
 
 def series_of(recording: Recording, needed: Sequence[str], further: Sequence[str] = (), *, polled: bool) -> Series:
-    """The steps of a recording that have all channels `needed`; `polled` ones where asked, under their plain names.
+    """Return the steps that have all channels `needed`; if `polled`, the polled channels under their plain names.
 
-    What an import's list of steps does not name is left out, and so are cut attempts and what a person did.
+    Steps that an import's step list does not name, aborted attempts and manual actions are left out.
 
-    Raises `UsageError` where no step has them, or this machine's memory does not hold the samples.
+    Raises `UsageError` if no step has these channels, or if the samples do not fit into memory.
     """
     prefix = "poll_" if polled else ""
     left_out = {UNASSIGNED} if {info.kind for info in recording.infos} != {UNASSIGNED} else set()
-    asked = {f"{prefix}{name}" for name in needed}
+    all_needed = {f"{prefix}{name}" for name in needed}
     kept = [info for info in recording.infos if info.kind not in left_out and not info.is_left_out]
-    there = [(info, set(recording.channels(info.index))) for info in kept]
-    holding = [(info, channels) for info, channels in there if asked <= channels]
+    candidates = [(info, set(recording.channels(info.index))) for info in kept]
+    holding = [(info, channels) for info, channels in candidates if all_needed <= channels]
     if not polled:
         rows = sum(info.samples for info, _ in holding)
         require_memory(recording.path, _BYTES_A_ROW * rows, f"all of {listed([*needed])} at once")
@@ -113,13 +113,13 @@ def series_of(recording: Recording, needed: Sequence[str], further: Sequence[str
 
 
 def since_recorded_s(recording: Recording, time_s: FloatArray) -> FloatArray:
-    """Times [s], shape (n,), since the recording began that each belongs to, where several were joined."""
+    """Return, for times [s] of shape (n,), the time since the start of the joined recording that each belongs to."""
     starts_s = np.unique([0.0, *recording.starts_s])
     return np.asarray(time_s - starts_s[np.searchsorted(starts_s, time_s, side="right") - 1])
 
 
 def _check_units(recording: Recording, names: Sequence[str]) -> None:
-    """Raise `UsageError` where a channel is not in the unit that its name promises."""
+    """Raise `UsageError` if a channel is not in the unit that its name requires."""
     units = recording.meta.extra.get("channel_units", {})
     for name in names:
         expected = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), None)
@@ -131,15 +131,15 @@ def _check_units(recording: Recording, names: Sequence[str]) -> None:
 
 
 def channels_of(recording: Recording) -> str:
-    """The names of all channels of a recording, for a message."""
+    """Return the names of all channels of a recording, for a message."""
     names = {name for info in recording.infos for name in recording.channels(info.index)}
     return ", ".join(sorted(names)) or "none"
 
 
 def cut(infos: Sequence[StepInfo], step: IntArray, time_s: FloatArray) -> Pieces:
-    """A recording's own steps where there are a dozen; fewer are each cut into up to a dozen pieces of time.
+    """Return a recording's own steps if there are enough; otherwise cut each step into several pieces of time.
 
-    `step` and `time_s`, shape (n,), are those of the rows; steps without a row are left out.
+    `step` and `time_s`, shape (n,), are those of the rows; steps without rows are left out.
     """
     pieces: list[StepInfo] = []
     place = np.zeros(step.size, np.int64)

@@ -1,4 +1,4 @@
-"""Check the results folder: write permission, free space, file system, locks, HDF5 read while it is written."""
+"""Check the results folder: write permission, free space, file system, locks, HDF5 reading during writing."""
 
 from __future__ import annotations
 
@@ -132,11 +132,11 @@ def growing_file_finding(folder: Path) -> Finding:
 
 
 def file_system_finding(place: Path, mounted: Iterable[tuple[str, str, str]] | None = None) -> Finding:
-    """Warn of file systems that lose data or locks; `mounted` is (device, mount point, kind), psutil's where None."""
+    """Warn of file systems that lose data or locks; `mounted` is (device, mount point, kind), from psutil if None."""
     if mounted is None:
         mounted = [(each.device, each.mountpoint, each.fstype) for each in psutil.disk_partitions(all=True)]
     real = Path(os.path.realpath(place))
-    # Of two mounts at one point the later one is in force.
+    # Of two mounts at the same point, the later one is effective.
     found = max(
         (
             (len(point), at, kind, device)

@@ -1,4 +1,4 @@
-"""Run all checks of the doctor: this machine, its disk and ports, and a bench where one is named."""
+"""Run all checks of the doctor: this machine, its disk and ports, and a bench if one is named."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from benchctl_instruments.errors import BenchNotReadyError, UsageError
 from benchctl_instruments.links.address import Address, parse_address
 
 LIMIT_S = 30.0
-"""Wall time for one instrument: its driver's timeouts, and the search for the cause where it does not answer."""
+"""Wall time for one instrument: its driver's timeouts, and the search for the cause if it does not answer."""
 
 _ROLES: tuple[Kind, ...] = ("rate_table", "chamber", "digitizer", "gyro")
 
@@ -75,7 +75,7 @@ def line_findings(bench: Bench, limit_s: float = LIMIT_S) -> Iterator[Finding]:
 
 
 def _look_at(bench: Bench, locks: tuple[Path, ...], line: _Line) -> None:
-    """Check one line under its lock; send nothing where another process holds it."""
+    """Check one line under its lock; send nothing if another process holds the lock."""
     first = line.places[0]
     try:
         make_lock_folder()
@@ -112,7 +112,7 @@ BENCH = "bench"
 
 
 def examine(source: str | None, results: Path) -> Iterator[Finding]:
-    """Yield every finding; `source` names a bench as `--bench` does, None: this machine only."""
+    """Yield every finding; `source` is a bench as for `--bench`, or None to check this machine only."""
     yield ok("machine", "Python", f"{platform.python_implementation()} {platform.python_version()} at {sys.executable}")
     yield ok("machine", "benchctl", f"{benchctl.__version__} at {next(iter(benchctl.__path__))}")
     bench, wrong = None, None

@@ -18,7 +18,7 @@ class Finding:
     """One check.
 
     `where` is `machine`, `results`, `ports`, `bench`, or an instrument's role; `what` the checked item; `message` the
-    result; `do` the advice, empty where nothing is to be done. `unusable` marks a bad finding that is caused by the
+    result; `do` the advice, empty if nothing is to be done. `unusable` marks a bad finding that is caused by the
     input or this machine, not by the bench.
     """
 
@@ -46,7 +46,7 @@ def bad(where: str, what: str, message: str, do: str, *, unusable: bool = False)
 
 
 def exit_status(findings: Iterable[Finding]) -> int:
-    """Return 0 without a bad finding, 2 where this machine or the input is bad, 3 where only the bench is."""
+    """Return 0 without a bad finding, 2 if this machine or the input is bad, 3 if only the bench is."""
     bads = [finding for finding in findings if finding.verdict == "bad"]
     if not bads:
         return 0

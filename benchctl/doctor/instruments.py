@@ -1,7 +1,8 @@
-"""Identify one instrument with its own driver; where that does not work, find the cause as far as the line shows it.
+"""Identify one instrument with its own driver; if that fails, find the cause as far as the line shows it.
 
-Other models are tried only where asking changes nothing: our own drivers of rate tables and chambers, whose opening
-only asks, and a LabJack by two registers. Digital gyros are left out: to identify one, its stream has to be stopped.
+Other models are tried only if this changes nothing on the instrument: with our own drivers of rate tables and chambers,
+which only send queries when they are opened, and for a LabJack by reading two registers. Digital gyros are not tried,
+since identifying one requires stopping its stream.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ _GATEWAYS_OWN = tuple(exception_words(code) for code in (0x0A, 0x0B))
 
 
 class _Attempt(NamedTuple):
-    """The result: the identity or the error, and the bytes that came over the wire."""
+    """The result: the identity or the error, and the bytes received over the wire."""
 
     identity: Identity | None
     error: Exception | None
@@ -66,7 +67,7 @@ def findings_of_instrument(bench: Bench, role: Kind, address: Address) -> Iterat
 
 
 def _identify(bench: Bench, role: Kind) -> _Attempt:
-    """Open and identify, with the wire logged; raises `UsageError` where no driver can be made."""
+    """Open and identify an instrument with its wire logged; raise `UsageError` if its driver cannot be created."""
     entry: InstrumentEntry = getattr(bench, role)
     clock, log = ScaledClock(bench.time_factor), WireLog()
     if _takes_a_log(driver(role, entry.model, bench.chamber_profile if role == "chamber" else "")):
@@ -85,7 +86,7 @@ def _identify(bench: Bench, role: Kind) -> _Attempt:
 
 
 def _takes_a_log(make: Any) -> bool:
-    """Return whether a driver logs its wire; ours that pass all keywords on do."""
+    """Return whether a driver can log its wire; our drivers that forward all keyword arguments can."""
     takes = inspect.signature(make).parameters
     hands_on = any(each.kind is each.VAR_KEYWORD for each in takes.values())
     return "wire_log" in takes or (hands_on and getattr(make, "__module__", "").startswith("benchctl_instruments."))
@@ -181,7 +182,7 @@ def _stream_port(bench: Bench, address: Address) -> Iterator[Finding]:
 
 
 def _first_clause(error: Exception) -> str:
-    """Return what was tried and the result, without the driver's advice."""
+    """Return the action and its result from an error message, without the driver's advice."""
     return _line(error).partition("; ")[0]
 
 
@@ -196,8 +197,8 @@ def _shown(data: bytes) -> str:
 def who_else(bench: Bench, role: Kind, address: Address, *, heard: bool, is_modbus: bool) -> list[str]:
     """Return the models that answer at an address.
 
-    Where no byte came, only models of the same kind and those with Modbus over TCP are tried; after a silent Modbus
-    unit (`is_modbus`) no other Modbus model, which would send the same requests.
+    If no byte was received (`heard` is false), only models of the same kind and those with Modbus over TCP are tried.
+    After a silent Modbus unit (`is_modbus`), no other Modbus model is tried, since it would send the same requests.
     """
     found = list(_labjack(address)) if address.scheme == "tcp" and role != "digitizer" else []
     until_s = time.monotonic() + _LONGEST_S
@@ -215,7 +216,7 @@ def who_else(bench: Bench, role: Kind, address: Address, *, heard: bool, is_modb
 
 
 def _candidates(bench: Bench, role: Kind, address: Address, heard: bool) -> Iterator[tuple[Kind, list[str]]]:
-    """Yield kinds and their models that may be connected, the expected kind first."""
+    """Yield the kinds and their models to try, the expected kind first."""
     if role == "gyro":
         return
     for kind in sorted(_KINDS, key=lambda kind: kind != role):
@@ -241,7 +242,7 @@ def _answers_as(make: Any, address: Address, clock: ScaledClock) -> bool:
     try:
         with make(str(address), clock=clock, **quick) as instrument:
             instrument.identify()
-    except (BenchError, AttributeError, TypeError, ValueError):  # the last three: it needs another kind of address
+    except (BenchError, AttributeError, TypeError, ValueError):  # last three: it needs another kind of address
         return False
     return True
 
@@ -261,9 +262,9 @@ def _labjack(address: Address) -> Iterator[str]:
 
 
 def units_that_answer(address: Address, expected: int) -> Iterator[int]:
-    """Yield the Modbus units, of the first ten and the expected one, that answer a read: with a value or an exception.
+    """Yield the Modbus units, out of 1 to 10 and the expected one, that answer a read with a value or an exception.
 
-    Takes a few seconds; the expected unit is tried last, so that one that was briefly absent has time to come back.
+    This takes a few seconds. The expected unit is tried last, to give a unit that was briefly absent time to return.
     """
     for unit in (*(unit for unit in _UNITS if unit != expected), expected):
         if _unit_answers(address, unit):

@@ -1,4 +1,4 @@
-"""Check serial ports: which exist, and whether those of a bench are permitted, free, fast, with a stable name."""
+"""List the serial ports; check permission, use by other processes, latency and stable name of those of a bench."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _PTY_MAJORS = range(136, 144)  # devpts: the slaves of pseudo-terminals
 
 
 def port_findings(*, serial_wanted: bool) -> Iterator[Finding]:
-    """List the ports; check the services that open adapters where there is one, or the bench wants a serial port."""
+    """List the ports; if there is a USB adapter or the bench uses a serial port, check services that open adapters."""
     ports = sorted(comports(), key=lambda port: port.device)
     if not ports:
         yield ok(PORTS, "serial ports", "none is present")
@@ -39,7 +39,7 @@ def port_findings(*, serial_wanted: bool) -> Iterator[Finding]:
 
 
 def described(port: object) -> str:
-    """Describe a port by pyserial's `ListPortInfo` and its permanent name."""
+    """Describe a port, given as pyserial's `ListPortInfo`, with its permanent name."""
     vid, pid = getattr(port, "vid", None), getattr(port, "pid", None)
     usb = f"USB {vid:04X}:{pid:04X}" if vid is not None and pid is not None else ""
     number = getattr(port, "serial_number", None)
@@ -83,7 +83,7 @@ def seizing_findings(root: Path = Path("/")) -> Iterator[Finding]:
 
 
 def findings_of_port(role: str, address: Address) -> Iterator[Finding]:
-    """Check the port of an instrument; nothing is sent. The last finding is bad where it cannot be opened."""
+    """Check the port of an instrument; nothing is sent. The last finding is bad if it cannot be opened."""
     yield from _speed(role, address)
     if sys.platform == "win32":
         yield _of_windows(role, address)
@@ -108,7 +108,7 @@ def findings_of_port(role: str, address: Address) -> Iterator[Finding]:
 
 
 def latency_finding(role: str, device: str, root: Path = Path("/")) -> Finding | None:
-    """Check how long an FTDI adapter delays a short answer; None where the adapter is another."""
+    """Check how long an FTDI adapter delays a short answer; return None for other adapters."""
     name = Path(device).resolve().name
     timer = root / "sys/class/tty" / name / "device/latency_timer"
     try:
@@ -204,7 +204,7 @@ class Owner:
 
 
 def permission_finding(role: str, device: str) -> Finding | None:
-    """Return what denies this user a port; None where nothing does."""
+    """Return the finding if this user has no permission to use a port, otherwise None."""
     if os.access(device, os.R_OK | os.W_OK):
         return None
     import grp
@@ -223,9 +223,9 @@ def permission_finding(role: str, device: str) -> Finding | None:
 def refused_finding(
     role: str, device: str, owner: Owner, user: str, groups: Sequence[int], *, entered: bool
 ) -> Finding:
-    """Return the finding on a port that a user may not use, with the command that permits it.
+    """Return the finding on a port that a user may not use, with the command that grants permission.
 
-    `groups` are those of the session; `entered`: the system's files list the user in the group of the port.
+    `groups` are those of the session; `entered` is true if the system's files list the user in the port's group.
     """
     message = f"{user} may not read and write {device}, which belongs to group {owner.group}"
     if not owner.group_may or owner.gid == _ROOT_GROUP:
@@ -244,7 +244,7 @@ def refused_finding(
 def holders(device: str) -> tuple[list[psutil.Process], int]:
     """Return the other processes that have a device open, and the number of processes that could not be inspected.
 
-    Of a pseudo-terminal, the process at its other end is no holder. (psutil lists the open regular files only.)
+    The process at the other end of a pseudo-terminal does not count. (psutil lists open regular files only.)
     """
     try:
         wanted = os.stat(device).st_rdev
@@ -260,7 +260,7 @@ def holders(device: str) -> tuple[list[psutil.Process], int]:
                 found.append(psutil.Process(pid))
         except PermissionError:
             closed += 1
-        except (OSError, psutil.Error):  # it has ended
+        except (OSError, psutil.Error):  # the process has ended
             continue
     return found, closed
 

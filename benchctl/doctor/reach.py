@@ -1,4 +1,4 @@
-"""Connect to the host and port of an instrument; where that does not work, find out on which side the cause is."""
+"""Connect to the host and port of an instrument; if that fails, find out on which side the cause is."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ _USUAL_PORTS: dict[str, tuple[int, ...]] = {
     "espec_p300": (10001,),
     "binder_mb2": (10001,),
 }
-"""TCP ports as delivered, from the makers' documents or published drivers: see the docstrings of our own."""
+"""Factory settings of TCP ports, from makers' documents or published drivers; see the docstrings of our drivers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reached:
-    """The result: `host` is the numeric address that was tried, `detail` the system's own words.
+    """The result: `host` is the numeric address that was tried, `detail` the system's error message.
 
-    `banner` is what the other side sent unasked.
+    `banner` holds the bytes that the other side sent without a request.
     """
 
     outcome: Outcome
@@ -77,7 +77,7 @@ def reach(host: str, port: int, connect_s: float = CONNECT_S) -> Reached:
 
 
 def reach_finding(role: str, address: Address, model: str, reached: Reached, what: str = "connection") -> Finding:
-    """Explain an outcome, and what to do; `ok` where the connection was accepted."""
+    """Return a finding that explains an outcome and what to do; `ok` if the connection was accepted."""
     where, numeric = f"{address.host}, port {address.port}", reached.host
     subnet = subnet_of(numeric) if numeric else ""
     route = f"in the subnet {subnet} of this machine" if subnet else "in no subnet of this machine"
@@ -121,13 +121,13 @@ def reach_finding(role: str, address: Address, model: str, reached: Reached, wha
 
 
 def usual_ports(model: str) -> str:
-    """Return a hint at the ports of a model; empty where none is known."""
+    """Return a hint at the usual ports of a model; empty if none is known."""
     ports = _USUAL_PORTS.get(model, ())
     return f"; {model} usually answers at port {' or '.join(map(str, ports))}" if ports else ""
 
 
 def subnet_of(host: str) -> str:
-    """Return the smallest IPv4 subnet of this machine that contains a numeric address; empty where none does."""
+    """Return the smallest IPv4 subnet of this machine that contains a numeric address; empty if none does."""
     try:
         address = ip_address(host)
     except ValueError:
@@ -144,7 +144,7 @@ def subnet_of(host: str) -> str:
 
 
 def _resolved(host: str, port: int) -> tuple[str, str]:
-    """Return the numeric address, or an empty one and the reason; wait for a name server for a limited time."""
+    """Return the numeric address, or an empty text and the reason; wait for a name server for a limited time."""
     found: list[tuple[str, str]] = []
 
     def resolve() -> None:

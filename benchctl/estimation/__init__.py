@@ -1,5 +1,5 @@
-"""What the data say: fits of a model to rows of a recording, and the noise that weighs them.
+"""Fit models to the rows of a recording, and estimate the noise that weights them.
 
 A `problem` is a measured quantity with a model of it; `fit` fits the model's parameters and those of effects jointly,
-with the `noise` that makes residuals white; `linear` is least squares where all is linear.
+with the `noise` model that whitens residuals; `linear` is linear least squares.
 """

@@ -1,4 +1,4 @@
-"""How near one model comes to another: its numbers refitted to the other's prediction, within what is known of them."""
+"""Distance of one model from another: its numbers are refitted to the other's prediction, within their uncertainty."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ Predict = Callable[[FloatArray, Sequence[Any]], FloatArray]
 _ROUNDS = 8
 _HALVINGS = 4
 _CLOSE = 0.1
-"""Rounds end when twice the log likelihood is expected to change by less."""
+"""Iterations end when twice the log likelihood is expected to change by less than this."""
 _NUDGE = 0.1
-"""How far a number is moved for its derivative, in its own standard errors."""
+"""Step of a number for its derivative, in its standard errors."""
 _SMALL = 1e-2
-"""The standard error taken, for its derivative, of a number of which nothing is known: this share of its size."""
+"""Assumed standard error, for its derivative, of an unknown number, as a share of its size."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """A model and what a recording says of its numbers: their values (p,), information and covariance (p, p)."""
+    """A model and its numbers as determined by a recording: values (p,), information and covariance (p, p)."""
 
     point: Point
     numbers: tuple[Free, ...]
@@ -36,7 +36,7 @@ class Known:
 
 
 def known_from(fitted: Fit, *, anew: str = "") -> Known:
-    """What a fit knows of its numbers; of the one named `anew`, a bias that may have moved since, nothing."""
+    """Return a fit's information on its numbers; that on `anew`, a bias that may have changed since, is removed."""
     information = fitted.products.of(fitted.fitted)[0] / fitted.deviation**2
     for i, number in enumerate(fitted.numbers):
         if number.name == anew and number.effect is None and information[i, i] > 0.0:
@@ -52,7 +52,7 @@ def known_from(fitted: Fit, *, anew: str = "") -> Known:
 
 
 def nothing_known(point: Point, numbers: tuple[Free, ...]) -> Known:
-    """A model whose numbers are free: none of them is paid for."""
+    """Return a model with unknown numbers, whose changes cost nothing."""
     values = point.values(numbers)
     errors = np.array([_SMALL * _size(number, value) for number, value in zip(numbers, values.tolist(), strict=True)])
     return Known(
@@ -65,7 +65,7 @@ def nothing_known(point: Point, numbers: tuple[Free, ...]) -> Known:
 
 
 def _size(number: Free, value: float) -> float:
-    """How large a number is, by its value in the scale in which it is moved."""
+    """Return the typical size of a number in the scale of the fit."""
     parameter = number.parameter
     if parameter is None:
         return abs(value) or 1.0
@@ -73,10 +73,10 @@ def _size(number: Free, value: float) -> float:
 
 
 def distance(target: FloatArray, known: Known, predict: Predict, whiten: Column) -> float:
-    """What is left of Σ((target − prediction)/σ)², (n,) whitened to a deviation of one, at the nearest numbers.
+    """Return the minimum of Σ((target − prediction)/σ)², (n,) whitened to unit variance, over the model's numbers.
 
-    Numbers that leave what the recording says of them pay for it: both together are by how much twice the log
-    likelihood parts the two models. Gauss and Newton's rounds, each step halved until it goes down.
+    Deviations of numbers from the recording's values add to it: the sum is the difference of the two models in twice
+    the log likelihood. Gauss-Newton iterations; each step is halved until the sum decreases.
     """
     sizes = np.sqrt(np.maximum(np.diag(known.covariance), 0.0))
     values, point = known.values, known.point
@@ -108,7 +108,7 @@ def distance(target: FloatArray, known: Known, predict: Predict, whiten: Column)
 def _slopes(
     known: Known, values: FloatArray, predicted: FloatArray, sizes: FloatArray, predict: Predict, whiten: Column
 ) -> FloatArray:
-    """Whitened derivatives by every number, shape (n, p); zero by those of which nothing is known."""
+    """Return whitened derivatives by every number, shape (n, p); zero for numbers with zero uncertainty."""
     slopes = np.zeros((predicted.size, values.size), order="F")
     for i, size in enumerate((_NUDGE * sizes).tolist()):
         if size <= 0.0:

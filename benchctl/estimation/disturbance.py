@@ -1,8 +1,8 @@
-"""What disturbs a slow quantity beside its drive: a process with a memory of its own, and white noise of the readings.
+"""The disturbance of a slow quantity: a correlated process, and the white noise of the readings.
 
-A draught is felt as long as a chamber's air remembers it, so what a free simulation leaves is correlated from row to
-row even where nothing is missing from the model. It is the hypothesis that every finding competes with; the fit itself
-is one of the temperature. A process with a longer memory than the model's air would follow anything that is missing.
+A chamber's air responds to a draught for as long as its time constant, so the residual of a free simulation is
+correlated from row to row even if the model is complete. Every finding competes with this hypothesis; the fit itself is
+one of the temperature. A process with a longer memory than the model's air would absorb anything that is missing.
 """
 
 from __future__ import annotations
@@ -25,29 +25,30 @@ from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _MEMORIES = 5
 _SIZES = tuple(np.geomspace(1e-4, 1e4, 7).tolist())
-"""Drives of a disturbance over the variance of the white noise, among which the likeliest is looked for."""
+"""Drives of a disturbance over the variance of the white noise, from which the search for the likeliest starts."""
 _DRAWS = 400
 _REFITTED, _ALTERNATED, _SETTLED = 4, 5, 0.5
-"""Rounds of a fit beside a disturbance, and how often each follows the other until the likelihood hardly gains."""
+"""Rounds of a fit with a disturbance; how often fit and disturbance alternate, until the likelihood hardly gains."""
 _ALL_BUT, _HALVED = 0.95, 5
-"""Share of disturbances that lead a fit less far astray; how often the way to a likelier model is halved."""
+"""Quantile of the effect of drawn disturbances on a fit; number of halvings of the step to a likelier model."""
 _UNSEEN = 1e-8
-"""Share of a derivative that others do not follow, beneath which it is one of them."""
+"""Share of a derivative not explained by the others, below which it counts as linearly dependent."""
 _REFUTED = 3.84
-"""Twice the log likelihood by which the air's own memory must do worse than another before 95 % speak against it."""
+"""Twice the log likelihood by which the air's own memory must be less likely to be rejected at 95 % confidence."""
 _STEP = 0.7
-"""How far the logarithms of memory and size are moved at first from the likeliest of many."""
+"""Initial step of the logarithms of memory and size from the likeliest of the grid."""
 _NEGLIGIBLE = 1e-6
-"""Share of the variance of what pushes of the air become, below which a process is left away."""
+"""Share of the variance of the air's disturbances, below which a process is left out."""
 _SHORTEST = 2.0
-"""Intervals; a shorter memory is not told from white noise."""
+"""In sampling intervals; a shorter memory is not distinguishable from white noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """The process beside white noise, with the deviation of the white noise.
+    """The correlated process, and the standard deviation of the white noise.
 
-    `deviance` is minus twice the log likelihood of the residuals, `restricted` that of what their fit cannot follow.
+    `deviance` is minus twice the log likelihood of the residuals, `restricted` that of the part that their fit cannot
+    absorb.
     """
 
     slow: tuple[Slow, ...]
@@ -57,13 +58,13 @@ class Disturbance:
 
 
 def disturbance_of(problem: Problem, residual: FloatArray, baseline: FloatArray, effects: Sequence[Any]) -> Disturbance:
-    """The likeliest disturbance of what a model leaves, shape (n,), in the unit of the problem, as if not fitted."""
+    """Return the likeliest disturbance of a residual, shape (n,), in the unit of the problem, as if not fitted."""
     pushed = pushed_in(problem, baseline, effects)
     return _Residuals(problem, residual[None, :], np.ones(residual.size, np.bool_)).own(pushed)
 
 
 def pushed_in(problem: Problem, baseline: FloatArray, effects: Sequence[Any]) -> tuple[Slow, ...]:
-    """What pushes of unit power become as a model forgets them."""
+    """Return the model's response to disturbances of unit power, as slow processes."""
     interval_s = problem.interval_s
     return tuple(
         Slow(remembers=math.exp(-rate * interval_s), drive=-power * math.expm1(-2.0 * rate * interval_s) / (2.0 * rate))
@@ -72,23 +73,23 @@ def pushed_in(problem: Problem, baseline: FloatArray, effects: Sequence[Any]) ->
 
 
 def disturbance_beside(problem: Problem, fitted: Fit) -> Disturbance:
-    """The likeliest disturbance beside a fit, on the steps that it was fitted to."""
+    """Return the likeliest disturbance of a fit's residual, on the steps that were fitted."""
     return _residuals_of(problem, fitted).own(_pushed(problem, fitted))
 
 
 def beside_disturbance(problem: Problem, fitted: Fit) -> Fit:
-    """The same model, with what it leaves whitened beside the disturbance that it needs."""
+    """Return the same model with its residual whitened for the disturbance that it implies."""
     whitener = fitted.whitener.beside(disturbance_beside(problem, fitted).slow)
     return fit(problem, whitener, fitted, fitted.fitted, rounds=0)
 
 
 def deviance_near(problem: Problem, nearest: Fit) -> float:
-    """Minus twice the log likelihood of a model beside its disturbance, of the likeliest numbers near those of a fit.
+    """Return minus twice the log likelihood of a model with its disturbance, for the likeliest numbers near a fit.
 
-    They may miss the measured quantity by so much more as the right ones would, of which the disturbance leads a fit
-    astray, in all but one of twenty draws: where weighing the rows moves them farther, something is missing, and what
-    changes fast would be followed at the cost of all else. It is the whole likelihood of what is really left: the
-    restricted one has lost what the numbers follow, of which every model has another share.
+    Their misfit of the measured quantity may exceed that of the fit as far as the disturbance misleads a fit in all but
+    one of twenty draws: if weighting the rows moves the numbers farther, something is missing, and fast changes would
+    be followed at the expense of everything else. It is the full likelihood of the actual residual: the restricted one
+    excludes the part that the numbers absorb, which differs from model to model.
     """
     found = _likeliest(problem, nearest)
     most = nearest.squares + float(np.quantile(_followed(problem, nearest, found), _ALL_BUT))
@@ -104,22 +105,22 @@ def deviance_near(problem: Problem, nearest: Fit) -> float:
 
 
 def most_followed(problem: Problem, fitted: Fit) -> float:
-    """The most that the numbers of a fit take off the sum of squares of a disturbance, of many that are drawn.
+    """Return the largest reduction of the sum of squares by a fit's numbers, over many drawn disturbances.
 
-    Each is remembered as long as the air is: what a fit leaves seems to forget sooner.
+    The disturbances have the memory of the air: that of a fit's residual appears to be shorter.
     """
     found = _residuals_of(problem, fitted).remembered(_pushed(problem, fitted))
     return float(_followed(problem, fitted, found).max())
 
 
 def _followed(problem: Problem, fitted: Fit, found: Disturbance) -> FloatArray:
-    """What the numbers of a fit take off the sum of squares of each drawn disturbance, shape (draws,)."""
+    """Return how much a fit's numbers reduce the sum of squares of each drawn disturbance, shape (draws,)."""
     drawn = _drawn(problem, fitted, found)
     return np.asarray(np.einsum("ij,jk,ik->i", drawn, fitted.inverse_information, drawn))
 
 
 def _towards(problem: Problem, nearest: Fit, moved: Fit, most: float) -> Fit:
-    """The model on the way from the nearest to a moved one, as far as its sum of squares is at most so large."""
+    """Return the model between the nearest and a moved one, as far as its sum of squares is at most `most`."""
     there = fit(problem, nearest.whitener, moved, nearest.fitted, rounds=0)
     if there.squares <= most:
         return there
@@ -138,12 +139,12 @@ def _towards(problem: Problem, nearest: Fit, moved: Fit, most: float) -> Fit:
 
 
 def _drawn(problem: Problem, fitted: Fit, found: Disturbance) -> FloatArray:
-    """Products of drawn disturbances with the derivatives of a fit, shape (draws, p)."""
+    """Return the products of drawn disturbances with the derivatives of a fit, shape (draws, p)."""
     draws = np.random.default_rng(0)
     noise = draws.standard_normal((_DRAWS, fitted.residual.size))
     for process in found.slow:
         pushes = math.sqrt(process.drive) * draws.standard_normal(noise.shape)
-        for run in gap_free(problem.time_s, problem.interval_s):  # each begins with the air as it is
+        for run in gap_free(problem.time_s, problem.interval_s):  # each run begins without a disturbance
             noise[:, run] += scipy.signal.lfilter([1.0], [1.0, -process.remembers], pushes[:, run], axis=1)
     white = fitted.whitener(found.white * noise) * (fitted.fitted[problem.step] & problem.usable)
     return np.asarray(white @ fitted.derivatives)
@@ -173,14 +174,15 @@ def _residuals_of(problem: Problem, fitted: Fit) -> _Residuals:
 
 
 class _Residuals:
-    """Residuals beside which disturbances are tried, with the derivatives of the fit that left them.
+    """Residuals for which disturbances are tried, with the derivatives of the fit.
 
-    A fit takes up the slowest of a disturbance, so that what it leaves seems to forget sooner than the air does. The
-    disturbance is therefore that of what the derivatives cannot follow (Patterson & Thompson, Biometrika 58, 1971).
+    A fit absorbs the slowest part of a disturbance, so that its residual appears to have a shorter memory than the air.
+    The disturbance is therefore that of the part that the derivatives cannot absorb (Patterson & Thompson, Biometrika
+    58, 1971).
     """
 
     def __init__(self, problem: Problem, columns: FloatArray, counted: BoolArray) -> None:
-        """Of derivatives and, last, the residual, shape (p + 1, n)."""
+        """Take derivatives and, in the last row, the residual, shape (p + 1, n)."""
         weight = problem.usable.astype(np.float64)
         self._bare = Whitener(interval_s=problem.interval_s, weight=weight, time_s=problem.time_s)
         self._columns, self._rows = columns, problem.usable & counted
@@ -190,10 +192,10 @@ class _Residuals:
         self._lasts = float(problem.time_s[-1] - problem.time_s[0]) / problem.interval_s
 
     def beside(self, slow: tuple[Slow, ...]) -> Disturbance:
-        """How likely one disturbance is, with the white noise that goes with it best."""
+        """Return one disturbance with its likelihood and its likeliest white noise."""
         whitener = self._bare.beside(slow)
         white = whitener(self._columns)[:, self._rows]
-        # the last number is what is left of the residual, the others the determinant of the derivatives' products
+        # the last number is the residual's remainder, the others give the determinant of the derivatives' products
         triangle = np.abs(np.diag(np.linalg.qr(white.T, mode="r")))
         least = _UNSEEN * np.linalg.norm(white[:-1], axis=1) + 1e-300
         followed = 2.0 * float(np.log(np.maximum(triangle[:-1], least)).sum())
@@ -216,7 +218,7 @@ class _Residuals:
         pushed: tuple[Slow, ...],
         key: Callable[[Disturbance], float],
     ) -> Disturbance:
-        """That with the least `key`: none, or what comes of the `pushed` processes, forgotten as soon or sooner."""
+        """Return the disturbance with the least `key`: none, or `pushed` processes of at most their own memory."""
         most = self._longest(pushed)
         memories = np.geomspace(_SHORTEST, most, _MEMORIES).tolist()
         first = min(itertools.product(memories, _SIZES), key=lambda one: key(self._of(pushed, *one)))
@@ -235,12 +237,12 @@ class _Residuals:
         return min(self.beside(()), at(np.asarray(found)), key=key)
 
     def own(self, pushed: tuple[Slow, ...]) -> Disturbance:
-        """By the restricted likelihood what comes of the `pushed` processes, unless another is likelier by far."""
+        """Return the `pushed` processes by the restricted likelihood, unless another one is far likelier."""
         likeliest, own = self.likeliest(pushed, _restricted), self.remembered(pushed)
         return own if own.restricted < likeliest.restricted + _REFUTED else likeliest
 
     def remembered(self, pushed: tuple[Slow, ...]) -> Disturbance:
-        """By the restricted likelihood what comes of the `pushed` processes, of whatever size."""
+        """Return the `pushed` processes with the size of the largest restricted likelihood."""
         most = self._longest(pushed)
         found = scipy.optimize.minimize_scalar(
             lambda size: self._of(pushed, most, math.exp(size)).restricted,
@@ -251,28 +253,28 @@ class _Residuals:
         return self._of(pushed, most, math.exp(found.x))
 
     def _longest(self, pushed: tuple[Slow, ...]) -> float:
-        """For how many rows the slowest of the processes is remembered, at most the whole recording."""
+        """Return the memory of the slowest process in rows, at most the length of the recording."""
         slowest = max((one.remembers for one in pushed), default=0.0)
         longest = -1.0 / math.log(slowest) if 0.0 < slowest < 1.0 else math.inf * slowest
         return max(min(longest, self._lasts), 2.0 * _SHORTEST)
 
     def _of(self, pushed: tuple[Slow, ...], memory: float, size: float) -> Disturbance:
-        """What comes of the processes where none is remembered for more than `memory` rows."""
+        """Return the disturbance of the processes with memories limited to `memory` rows."""
         variances = [one.drive / max(1.0 - one.remembers**2, 1.0 / self._lasts) for one in pushed]
         drives: dict[float, float] = {}
         for one, variance in zip(pushed, variances, strict=True):
             if variance > _NEGLIGIBLE * sum(variances):
                 remembers = min(max(one.remembers, math.exp(-1.0 / _SHORTEST)), math.exp(-1.0 / memory))
                 drives[remembers] = drives.get(remembers, 0.0) + size * one.drive
-        whole = sum(one.drive for one in pushed)
-        slow = tuple(Slow(remembers=key, drive=drive / whole) for key, drive in drives.items())
+        total = sum(one.drive for one in pushed)
+        slow = tuple(Slow(remembers=key, drive=drive / total) for key, drive in drives.items())
         return self.beside(slow)
 
 
 def with_disturbance(problem: Problem, fitted: Fit) -> Fit:
-    """The fit with the covariance that its numbers have beside the disturbance that it leaves; as it is without one.
+    """Return the fit with the covariance of its numbers under its disturbance; unchanged if there is none.
 
-    Disturbances of that memory and size are drawn, and what each would move the numbers by is seen.
+    Disturbances of that memory and size are drawn, and the changes of the numbers by each of them computed.
     """
     if not problem.disturbed:
         return fitted

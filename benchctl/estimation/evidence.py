@@ -1,6 +1,6 @@
-"""How much of an effect's gain is owed to its freedom: what its parameters had to be tuned to, over what they could be.
+"""The part of an effect's gain that is due to its freedom: the cost of tuning its parameters.
 
-An effect that fits with any value of its time constant deserves more belief than one that fits with a single one. The
+An effect that fits with any value of its time constant is more credible than one that fits with a single value. The
 evidence of a model is its likelihood times, for each parameter, the width that the data leave over the width that was
 possible (Laplace's approximation; MacKay, Neural Computation 4, 1992).
 """
@@ -18,14 +18,14 @@ _TURN = 360.0
 
 
 def occam_factor(fitted: Fit, place: int) -> float:
-    """What the parameters of the effect at a place of the model cost, in twice the log likelihood; 0 or more."""
+    """Return the cost of an effect's parameters, in twice the log likelihood; at least 0. `place` is its index."""
     effect = fitted.point.effects[place]
     own = [
         index
         for index, number in enumerate(fitted.numbers)
         if number.effect == place and fitted.inverse_information[index, index] > 0.0
     ]
-    # numbers that the data hold together, an amplitude and a time constant say, leave less room than each alone
+    # correlated numbers, such as an amplitude and a time constant, have less freedom than each alone
     covariance = fitted.covariance[np.ix_(own, own)]
     room = float(np.linalg.slogdet(2.0 * math.pi * covariance)[1]) if own else 0.0
     possible = sum(2.0 * math.log(_possible(fitted.numbers[index], effect)) for index in own)
@@ -37,7 +37,7 @@ def occam_factor(fitted: Fit, place: int) -> float:
 
 
 def _possible(number: Free, effect: DescribedEffect) -> float:
-    """The width of what a number could be, in the scale in which it is moved; of a size, its own."""
+    """Return the width of the possible values of a number, in the scale of the fit; for a size, the size itself."""
     parameter, value = effect.parameters[number.name], effect.values[number.name]
     if parameter.role == "phase":
         return _TURN

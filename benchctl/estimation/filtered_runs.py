@@ -1,7 +1,7 @@
-"""A chain of second-order sections over run after run of rows, whose state goes on through the pauses between them.
+"""Filter runs of rows by a chain of second-order sections, whose state continues through the pauses between them.
 
-A call for each run costs more than its rows do where there are thousands of short ones. The filter is linear: runs of
-one length are filtered together as if each began at rest, and what the state before it puts out is added to each.
+A call for each run costs more than the filtering if there are thousands of short runs. The filter is linear: runs of
+equal length are filtered together as if each began at rest, and the response to the state before it is added to each.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ import scipy.signal
 from benchctl_instruments.arrays import FloatArray
 
 _ALIKE = 4
-"""So many runs of one length are worth it: what a state puts out in them takes a call of its own."""
+"""Minimum number of runs of equal length that are filtered together; the response to a state costs an extra call."""
 _TOGETHER = 1 << 18
-"""So many rows of a column are filtered at once: more would only take memory."""
+"""Number of rows of a column that are filtered at once; more would only take memory."""
 
 
 def filtered(
     sections: FloatArray, values: FloatArray, runs: Sequence[slice], carried: Sequence[FloatArray]
 ) -> FloatArray:
-    """Values (k, n) through sections (m, 6), run by run; 0 outside of them.
+    """Filter values (k, n) by sections (m, 6), run by run; 0 outside the runs.
 
-    `carried` is what becomes of the filter's state, shape (2·m, 2·m), in the pause before each run.
+    `carried` are the matrices that map the filter's state over the pause before each run, shape (2·m, 2·m).
     """
     white = np.zeros_like(values)
     free: dict[int, tuple[FloatArray, FloatArray]] = {}
@@ -49,9 +49,9 @@ def filtered(
 
 
 def without_innovations(sections: FloatArray) -> FloatArray:
-    """What a step that puts nothing out makes of the state of a chain of sections, shape (2·m, 2·m).
+    """Return the map of the sections' state over a step with zero output, shape (2·m, 2·m).
 
-    What enters each section then follows from its state alone.
+    The input of each section then follows from its state alone.
     """
     columns = []
     for state in np.eye(2 * len(sections)):
@@ -66,7 +66,7 @@ def without_innovations(sections: FloatArray) -> FloatArray:
 
 
 def _of_one_length(runs: Sequence[slice]) -> Iterator[tuple[int, list[int]]]:
-    """The places of runs of which there are several of one length, by that length; not too many rows at once."""
+    """Yield the indices of runs that share a length, and that length; limited to a number of rows at once."""
     places: dict[int, list[int]] = {}
     for i, rows in enumerate(runs):
         places.setdefault(rows.stop - rows.start, []).append(i)
@@ -77,14 +77,14 @@ def _of_one_length(runs: Sequence[slice]) -> Iterator[tuple[int, list[int]]]:
 
 
 def _free(sections: FloatArray, length: int) -> tuple[FloatArray, FloatArray]:
-    """What each state puts out in so many rows in which nothing enters, shape (length, 2·m), and what becomes of it."""
+    """Return the output of each state without input over `length` rows, (length, 2·m), and the map to the end state."""
     states = np.eye(2 * len(sections))
     response, onward = _passed(sections, np.zeros((len(states), length)), states)
     return response.T, onward
 
 
 def _passed(sections: FloatArray, values: FloatArray, state: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-    """Values (k, …, n) through sections that begin in a state, shape (2·m, k, …), or at rest; that at the end, too."""
+    """Filter values (k, …, n) by sections from a state, shape (2·m, k, …), or from rest; also return the end state."""
     count, others = len(sections), values.shape[:-1]
     begun = np.zeros((2 * count, *others)) if state is None else state
     passed, ended = scipy.signal.sosfilt(sections, values, zi=np.moveaxis(begun.reshape(count, 2, *others), 1, -1))

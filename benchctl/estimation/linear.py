@@ -1,4 +1,4 @@
-"""Linear least squares: coefficients, and their covariance where residuals of one step hang together."""
+"""Linear least squares: coefficients, and their covariance if the residuals of one step are correlated."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def fit_linear(columns: FloatArray, values: FloatArray) -> LinearFit:
 
 
 def clustered_covariance(columns: FloatArray, residual: FloatArray, cluster: IntArray) -> tuple[FloatArray, int]:
-    """Covariance (p, p) of unweighted coefficients where residuals of one cluster (a step) hang together, and its dof.
+    """Return the covariance (p, p) of unweighted coefficients for residuals correlated within a cluster, and its dof.
 
-    Liang and Zeger, Biometrika 73 (1986) 13, with the usual correction for the number of clusters. With fewer than
-    twice as many clusters as coefficients the plain covariance, times the blocks of a cluster, is used: an upper
-    bound.
+    A cluster is a step. Liang and Zeger, Biometrika 73 (1986) 13, with the usual correction for the number of clusters.
+    With fewer than twice as many clusters as coefficients, the plain covariance times the number of blocks per cluster
+    is used: an upper bound.
     """
     p = columns.shape[1]
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)

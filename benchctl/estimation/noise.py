@@ -1,14 +1,15 @@
-"""The noise of a recording, and the filter that makes it white.
+"""The noise of a recording, and the filter that whitens it.
 
-White noise σ² with slow processes s_i beside it, each remembering the share φ_i of itself from sample to sample and
-driven by q_i·σ² (a random walk has φ = 1; flicker is a handful, one to less than a decade), has the spectrum
+White noise σ² plus slow processes s_i, each of which keeps the share φ_i of its value from sample to sample and is
+driven by q_i·σ² (a random walk has φ = 1; flicker is a handful of processes, one to less than a decade), has the
+spectrum
 
     σ²·(1 + Σ q_i/((1 − φ_i)² + φ_i·u)),   u = 2 − 2·cos(2πf·dt),
 
-a ratio of polynomials in u whose zeros lie, each alone, between its poles. So the noise is the filter
-Π(1 − ψ_j·B)/(1 − φ_i·B) of its own innovations, and the inverse, a chain of first-order sections, makes it white
-(Harvey, Forecasting, structural time series models, 1989, ch. 2; Box & Jenkins, Time series analysis, ch. 4). Its
-determinant is one: the likelihood of a model is that of its innovations.
+a ratio of polynomials in u whose zeros lie, one each, between its poles. So the noise is the filter
+Π(1 − ψ_j·B)/(1 − φ_i·B) of its innovations, and the inverse, a chain of first-order sections, whitens it (Harvey,
+Forecasting, structural time series models, 1989, ch. 2; Box & Jenkins, Time series analysis, ch. 4). Its determinant
+is one: the likelihood of a model is that of its innovations.
 """
 
 from __future__ import annotations
@@ -26,31 +27,31 @@ from benchctl.estimation.filtered_runs import filtered, without_innovations
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _FLICKER_RATIO = 5.0
-"""Between the time constants of the processes that make flicker: its spectrum then ripples by less than 2 percent."""
+"""Ratio of the time constants of the processes that make flicker; its spectrum then ripples by less than 2 percent."""
 _SHAPED, _SLOWEST, _SHAPED_FROM = 5, 16, 1e-4
-"""So many of the fastest are of sizes of their own, among so many, over frequencies from this share of the rate."""
+"""Number of fastest processes with fitted sizes, number of all, lowest frequency of the fit over the sampling rate."""
 _FORGOTTEN = 1e-3
 _BRIDGED = 3
-"""So many rows in a row that do not count are bridged; more of them are a pause."""
+"""Largest number of consecutive rows without weight that are bridged; more of them are a pause."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slow:
-    """One slow process: what it remembers of itself a sample later, and its drive over the white noise's variance."""
+    """One slow process: the share kept from sample to sample, and its drive over the white noise's variance."""
 
     remembers: float
     drive: float
 
 
 def walk(per_root_s: float, interval_s: float) -> tuple[Slow, ...]:
-    """A random walk of `per_root_s` [1/√s], in units of the deviation of the white noise."""
+    """Return a random walk of `per_root_s` [1/√s], in units of the standard deviation of the white noise."""
     return (Slow(remembers=1.0, drive=per_root_s**2 * interval_s),)
 
 
 def flicker(rms_per_decade: float, interval_s: float, lasts_s: float) -> tuple[Slow, ...]:
-    """Noise of one power in every decade, down to one over ten times `lasts_s`, in the same units.
+    """Return noise with the same power in every decade, down to one over ten times `lasts_s`, in the same units.
 
-    Its density is right to 3 % up to a tenth of the sampling rate, to 6 % up to four tenths.
+    Its density is accurate to 3 % up to a tenth of the sampling rate, to 6 % up to four tenths.
     """
     count = max(_SHAPED + 1, math.ceil(math.log(10.0 * lasts_s / interval_s) / math.log(_FLICKER_RATIO)))
     shares = [*_fastest(), *[2.0 * math.log(_FLICKER_RATIO)] * (count - _SHAPED)]
@@ -63,9 +64,9 @@ def flicker(rms_per_decade: float, interval_s: float, lasts_s: float) -> tuple[S
 
 @lru_cache(maxsize=1)
 def _fastest() -> tuple[float, ...]:
-    """Variances of the fastest processes beside which equal ones make the two-sided density 1/f, by least squares.
+    """Fit variances of the fastest processes that, with equal ones for the others, give the two-sided density 1/f.
 
-    Samples fold what is above half their rate, so equal ones would make too little of it below.
+    Sampling aliases power from above half its rate, so equal variances would give too little power below it.
     """
     frequency = np.geomspace(_SHAPED_FROM, 0.5, 1000)
     lag = 2.0 - 2.0 * np.cos(2.0 * np.pi * frequency)
@@ -77,10 +78,10 @@ def _fastest() -> tuple[float, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Whitener:
-    """Turns columns of data or of predictions, shape (n,) or (k, n), into ones whose noise is white and of one size.
+    """Filters columns of data or of predictions, shape (n,) or (k, n), so that their noise is white and of equal size.
 
-    `slow` are the processes beside the white noise; `weight` (n,) is the inverse of a row's relative deviation, 0 where
-    it does not count; `time_s` (n,) says where rows are missing, and may be left away where none are.
+    `slow` are the processes in addition to the white noise; `weight` (n,) is the inverse of a row's relative standard
+    deviation, 0 for rows that do not count; `time_s` (n,) shows where rows are missing, and may be omitted if none are.
     """
 
     interval_s: float
@@ -89,9 +90,9 @@ class Whitener:
     time_s: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def beside(self, slow: tuple[Slow, ...]) -> Whitener:
-        """The same rows with other slow processes."""
+        """Return a whitener of the same rows with other slow processes."""
         other = replace(self, slow=slow)
-        other.__dict__["_rows"] = self._rows  # what follows from the rows alone is found once
+        other.__dict__["_rows"] = self._rows  # depends on the rows only, so it is computed once
         return other
 
     @cached_property
@@ -101,7 +102,7 @@ class Whitener:
 
     @cached_property
     def innovation(self) -> float:
-        """Deviation of an innovation over that of the white noise."""
+        """Standard deviation of an innovation over that of the white noise."""
         ratio = 1.0
         for process, zero in zip(self.slow, self.zeros, strict=True):
             ratio *= process.remembers / zero
@@ -109,18 +110,18 @@ class Whitener:
 
     @cached_property
     def usual(self) -> float:
-        """The weight of a usual row, beside whose white noise the processes are seen."""
+        """The weight of a typical row, to whose white noise the drives of the processes refer."""
         counted = self.weight[self._rows.counted]
         return float(np.median(counted)) if counted.size else 1.0
 
     @cached_property
     def log_determinant(self) -> float:
-        """Logarithm of the determinant of the noise's covariance, but for the variance of the innovations."""
+        """Logarithm of the determinant of the noise's covariance, without the variance of the innovations."""
         jumps = sum(math.log(power) for _, _, power in self._jumps)
         return jumps + self._rows.log_determinant
 
     def __call__(self, column: FloatArray) -> FloatArray:
-        """The whitened column, shape (n,), or several, shape (k, n)."""
+        """Return the whitened column, shape (n,), or several, shape (k, n)."""
         if not self.slow:
             return column * self.weight
         values = np.atleast_2d(column).copy()
@@ -144,9 +145,9 @@ class Whitener:
 
     @cached_property
     def _carried(self) -> list[FloatArray]:
-        """What becomes of the filter's state in the pause before each run, shape (2·sections, 2·sections).
+        """Maps of the filter's state over the pause before each run, shape (2·sections, 2·sections).
 
-        It goes on as the processes do without a push: so nothing is taken for seen.
+        The state evolves as the processes do without a drive, so that the pause counts as not measured.
         """
         free = without_innovations(self._sections)
         after: dict[int, FloatArray] = {}
@@ -157,10 +158,10 @@ class Whitener:
 
     @cached_property
     def _jumps(self) -> list[tuple[slice, FloatArray, float]]:
-        """What a jump of the level in a pause does to the rows after it: those, the whitened jump, 1 + its power.
+        """Effect of the unknown level after each pause: the rows, the whitened step response, 1 + its power.
 
-        The level after a pause is known as far as the processes let it be. A jump of variance V, in units of that of an
-        innovation, with the whitened form r adds V·r·rᵀ to the covariance; the root of its inverse is applied.
+        The level after a pause is known as far as the processes determine it. A jump of variance V, relative to that of
+        an innovation, with the whitened form r adds V·r·rᵀ to the covariance; the root of its inverse is applied.
         """
         runs = self._rows.runs
         if not self.slow or len(runs) < 2:
@@ -170,8 +171,8 @@ class Whitener:
         small = np.flatnonzero(np.abs(step) < _FORGOTTEN)
         reach = int(small[0]) if small.size else longest
         jumps = []
-        for whole, missing in runs[1:]:
-            rows = slice(whole.start, min(whole.stop, whole.start + reach))
+        for run, missing in runs[1:]:
+            rows = slice(run.start, min(run.stop, run.start + reach))
             response = step[: rows.stop - rows.start] * self.weight[rows]
             variance = sum(_wandered(one, missing) for one in self.slow) / self.innovation**2
             power = 1.0 + variance * float(response @ response) / self.usual**2
@@ -182,7 +183,7 @@ class Whitener:
 
 @dataclass(frozen=True)
 class _Rows:
-    """What of the rows that count a filter must know, whatever its processes."""
+    """Properties of the counted rows that a filter needs, independent of its processes."""
 
     interval_s: float
     weight: FloatArray
@@ -195,12 +196,12 @@ class _Rows:
 
     @cached_property
     def log_determinant(self) -> float:
-        """That of their variances, relative to each other."""
+        """Logarithm of the determinant of the rows' relative variances."""
         return -2.0 * float(np.log(self.weight[self.counted]).sum())
 
     @cached_property
     def bridges(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        """Rows that do not count, and those between which a line takes their place, for the filter remembers them."""
+        """Rows that do not count, and the rows between which they are interpolated, since the filter has a memory."""
         good, spoilt = self.counted, np.flatnonzero(self.weight <= 0.0)
         if good.size == 0:
             return spoilt[:0], good, good, np.zeros(0)
@@ -211,7 +212,7 @@ class _Rows:
 
     @cached_property
     def runs(self) -> list[tuple[slice, int]]:
-        """Rows between pauses, with the samples that are missing before them."""
+        """Rows between pauses, each with the number of samples that are missing before them."""
         good = self.counted
         if good.size == 0:
             return []
@@ -227,7 +228,7 @@ class _Rows:
 
 
 def _wandered(process: Slow, samples: int) -> float:
-    """Variance of what a process has gained by chance over so many samples."""
+    """Return the variance that a process gains over so many samples."""
     if process.remembers >= 1.0:
         return float(process.drive * samples)
     return float(process.drive * (1.0 - process.remembers ** (2 * samples)) / (1.0 - process.remembers**2))
@@ -235,7 +236,7 @@ def _wandered(process: Slow, samples: int) -> float:
 
 @lru_cache(maxsize=256)
 def _zeros(slow: tuple[Slow, ...]) -> tuple[float, ...]:
-    """The ψ of the innovations' filter: by bisection, in the logarithm of −u, between the poles and beyond the last."""
+    """Return the ψ of the innovations' filter: by bisection in the logarithm of −u, between and beyond the poles."""
     poles = np.array([(1.0 - one.remembers) ** 2 / one.remembers for one in slow])
     drives = np.array([one.drive / one.remembers for one in slow])
     if len(slow) == 1:
@@ -246,7 +247,7 @@ def _zeros(slow: tuple[Slow, ...]) -> tuple[float, ...]:
     low, high = poles.copy(), np.append(poles[1:], poles[-1:] + drives.sum() + 1e-300)
     for _ in range(200):
         middle = _between(low, high)
-        # just beyond a pole the sum is −∞, and it grows towards the next
+        # just above a pole the sum is −∞, and it increases towards the next
         below = 1.0 + np.sum(drives / (poles - middle[:, None]), axis=1) < 0.0
         closer = np.where(below, low < middle, high > middle)
         low, high = np.where(below, middle, low), np.where(below, high, middle)
@@ -260,13 +261,13 @@ def _zeros(slow: tuple[Slow, ...]) -> tuple[float, ...]:
 
 
 def _between(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Half way, in ratios where there are any."""
+    """Return the geometric mean, or a thousandth of `high` (half if tiny) if `low` is not positive."""
     below = np.where(high > 1e-24, high * 1e-3, high / 2)
     return np.where(low > 0.0, np.sqrt(low * high), below)
 
 
 def _sections(poles: Sequence[float], zeros: Sequence[float]) -> FloatArray:
-    """Second-order sections (m, 6) of Π(1 − φ_i·B)/(1 − ψ_i·B), neighbours together."""
+    """Return second-order sections (m, 6) of Π(1 − φ_i·B)/(1 − ψ_i·B), with neighbours paired."""
     pairs = sorted(zip(poles, zeros, strict=True))
     rows = []
     for i in range(0, len(pairs), 2):
@@ -277,11 +278,11 @@ def _sections(poles: Sequence[float], zeros: Sequence[float]) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noisy:
-    """What was found: its gain in twice the log likelihood, its size, and the error of the size's logarithm.
+    """A finding about the noise: its gain in twice the log likelihood, its size, and the error of the size's logarithm.
 
-    The size of a wandering bias is in units of the white noise's deviation; that of noise that grows is the growth of
-    its variance up to full rate. `whitener` is the one with it; `rivals` are the losses with
-    another process in its place.
+    The size of a wandering bias is in units of the white noise's standard deviation; that of growing noise is the
+    growth of its variance up to full rate. `whitener` includes it; `rivals` are the losses in gain with another process
+    in its place.
     """
 
     effect: str

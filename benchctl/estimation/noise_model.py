@@ -1,4 +1,4 @@
-"""What is known of a recording's noise: its white level, what the encoder adds, and what of it has been found."""
+"""The model of a recording's noise: its white level, the encoder's contribution, and further findings."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ GROWING = "noise_rate_dependent"
 
 
 def between_rows(problem: Problem, residual: FloatArray) -> float:
-    """Deviation of the white noise of a residual (n,), by differences of neighbouring rows; 0 where there are none.
+    """Return the white noise of a residual (n,) from differences of neighbouring rows; 0 if there are none.
 
-    Their median is taken: whatever a model has left out is slow or rare against it (pure error, not lack of fit).
+    It uses their median: omissions of the model are slow or rare compared with it (pure error, not lack of fit).
     """
     counted = problem.usable[1:] & problem.usable[:-1]
     steps = np.abs(np.diff(residual))[counted]
@@ -32,7 +32,7 @@ def between_rows(problem: Problem, residual: FloatArray) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseModel:
-    """The whitener, the one without any finding (`plain`), and what was found, by effect."""
+    """The whitener, the one without any finding (`plain`), and the findings, by effect."""
 
     plain: Whitener
     whitener: Whitener
@@ -41,12 +41,12 @@ class NoiseModel:
 
     @property
     def pure_error(self) -> float:
-        """Deviation of an innovation where nothing but the white noise is left."""
+        """Standard deviation of an innovation if the residual is only white noise."""
         return self.level * self.whitener.innovation
 
     @classmethod
     def of(cls, problem: Problem) -> Self:
-        """White noise of one size on all usable rows."""
+        """Return white noise of one size on all usable rows."""
         plain = Whitener(
             interval_s=problem.interval_s,
             weight=problem.usable.astype(np.float64),
@@ -55,19 +55,19 @@ class NoiseModel:
         return cls(plain=plain, whitener=plain, level=0.0)
 
     def levelled(self, problem: Problem, fitted: Fit) -> Self:
-        """With the level of the white noise from a fit, and what the encoder's noise adds to it on each row.
+        """Return the model with the level of the white noise from a fit, and the encoder's contribution on each row.
 
-        The level is seen in differences of neighbouring rows.
+        The level is estimated from differences of neighbouring rows.
         """
         level = between_rows(problem, fitted.residual) or fitted.deviation
-        level = max(level, float(np.finfo(np.float64).eps) * problem.full_scale)  # of a noiseless simulation
-        whole, _ = problem.regressor_variance
-        weight = problem.usable / np.sqrt(1.0 + whole / level**2)
+        level = max(level, float(np.finfo(np.float64).eps) * problem.full_scale)  # for a noiseless simulation
+        added, _ = problem.regressor_variance
+        weight = problem.usable / np.sqrt(1.0 + added / level**2)
         plain = replace(self.plain, weight=weight)
         return replace(self, plain=plain, whitener=plain, level=level)
 
     def leaving_out(self, rows: BoolArray) -> Self:
-        """With some rows, shape (n,), that do not count."""
+        """Return the model with zero weight for some rows, given as a mask of shape (n,)."""
 
         def less(whitener: Whitener) -> Whitener:
             return replace(whitener, weight=np.where(rows, 0.0, whitener.weight))
@@ -76,17 +76,17 @@ class NoiseModel:
         return replace(self, plain=less(self.plain), whitener=less(self.whitener), found=found)
 
     def with_(self, noisy: Noisy) -> Self:
-        """With one thing more found; a wandering bias of another kind gives way."""
+        """Return the model with one more finding; a wandering bias of another kind is replaced."""
         rivals = set(PROCESSES) if noisy.effect in PROCESSES else {noisy.effect}
         kept = {name: one for name, one in self.found.items() if name not in rivals}
         return replace(self, whitener=noisy.whitener, found={**kept, noisy.effect: noisy})
 
     def dropped(self, names: Collection[str]) -> Self:
-        """Without some of what was found."""
+        """Return the model without some of its findings."""
         kept = [one for name, one in self.found.items() if name not in names]
         if len(kept) == len(self.found):
             return self
-        # what grows with the rate is in the weights, what wanders in the filter: each whitener may hold both
+        # growth with the rate is in the weights, wander in the filter: each whitener may include both
         grows = next((one for one in kept if one.effect == GROWING), None)
         slow = next((one.whitener.slow for one in kept if one.effect in PROCESSES), ())
         weight = self.plain.weight if grows is None else grows.whitener.weight
@@ -94,9 +94,9 @@ class NoiseModel:
         return replace(self, whitener=whitener, found={one.effect: one for one in kept})
 
     def best(self, problem: Problem, fitted: Fit, *, least_gain: float, rival: float = -math.inf) -> Noisy | None:
-        """What would gain most of what has not been found yet, where it gains enough.
+        """Return the additional finding with the largest gain above `least_gain`; None if there is none.
 
-        Slow processes that are sure to gain less than a `rival` are left alone.
+        Slow processes that certainly gain less than a `rival` are skipped.
         """
         tried: list[Noisy] = []
         if not set(PROCESSES) & self.found.keys():
@@ -106,7 +106,7 @@ class NoiseModel:
         return max(tried, key=lambda one: one.gain, default=None)
 
     def measured(self, problem: Problem, fitted: Fit, *, least_gain: float = 0.0) -> Self:
-        """The same findings, each measured anew beside another fit; those that gain too little are gone."""
+        """Return the same findings, measured again for another fit; those that gain too little are dropped."""
         model = replace(self, whitener=self.plain, found={})
         if GROWING in self.found:
             again = self._growing(problem, fitted)
@@ -118,7 +118,7 @@ class NoiseModel:
         return model
 
     def wandering(self, problem: Problem, fitted: Fit, least_gain: float, rival: float = -math.inf) -> Noisy | None:
-        """The slow process that gains most, where one gains enough and not surely less than a rival."""
+        """Return the slow process with the largest gain; None if too small or certainly less than a rival's."""
         tried = wandering(problem, self.whitener, fitted, least_gain=least_gain, rival=rival)
         best = max(tried, key=lambda one: one.gain, default=None)
         if best is None:
@@ -126,7 +126,7 @@ class NoiseModel:
         return replace(best, rivals={one.effect: best.gain - one.gain for one in tried if one is not best})
 
     def beside(self, problem: Problem, fitted: Fit, relative: FloatArray, *, least_gain: float) -> Self:
-        """Without growth over the rate that gains too little where rows have `relative` times the noise, shape (n,)."""
+        """Return the model without growth over the rate if `relative` noise of the rows, shape (n,), explains it."""
         if GROWING not in self.found:
             return self
         even = replace(fitted, white=fitted.white / relative)
@@ -137,9 +137,9 @@ class NoiseModel:
         counted = (weight > 0.0) & fitted.fitted[problem.step]
         rest = np.divide(fitted.white, self.whitener.weight, out=np.zeros_like(weight), where=counted)
         share = problem.coordinates["rate"] / problem.circumstances["range_dps"]
-        whole, step = problem.regressor_variance
+        added, step = problem.regressor_variance
         found = growing(rest, counted, share, step / self.level**2)
-        grown = 1.0 + whole / self.level**2 + found.growth * share**2
+        grown = 1.0 + added / self.level**2 + found.growth * share**2
         return Noisy(
             effect=GROWING,
             gain=found.gain,
@@ -170,31 +170,31 @@ class Growing:
 
 
 def growing(innovation: FloatArray, counted: BoolArray, share_of_range: FloatArray, known: FloatArray) -> Growing:
-    """How much noise grows with the rate, from innovations [σ] of shape (n,) of rows that count.
+    """Estimate the growth of noise with the rate from innovations [σ] of shape (n,) of rows that count.
 
-    It is seen in differences of neighbouring samples, which hold nothing of what a model has left out and what changes
-    slowly; each sample belongs to one difference, so that these are independent.
+    It uses differences of neighbouring samples, which are free of omissions of the model and of slow changes; each
+    sample belongs to one difference, so that these are independent.
 
-    `share_of_range` is ω/range; `known` the variance [σ²] that half a difference has beside the noise, which the
-    encoder's noise brings: all of shape (n,).
+    `share_of_range` is ω/range; `known` is the additional variance [σ²] of half a difference from the encoder's noise:
+    all of shape (n,).
     """
     first = 2 * np.arange(innovation.size // 2)
     first = first[counted[first] & counted[first + 1]]
     half = 0.5 * (innovation[first + 1] - innovation[first]) ** 2
-    squared_rate, beside = share_of_range[first] ** 2, known[first]
+    squared_rate, added = share_of_range[first] ** 2, known[first]
     if first.size < 100 or float(np.ptp(squared_rate)) < 0.01:
         return Growing(gain=0.0, growth=0.0, log_error=math.inf)
 
     def deviance(growth: float) -> float:
-        shape = 1.0 + growth * squared_rate + beside
+        shape = 1.0 + growth * squared_rate + added
         return first.size * math.log(float(np.mean(half / shape))) + float(np.log(shape).sum())
 
     found = minimize_scalar(lambda log: deviance(math.exp(log)), bounds=(_LEAST_GROWTH, _MOST_GROWTH), method="bounded")
     log = float(found.x)
     low, here, high = (deviance(math.exp(log + k * _LOG_STEP)) for k in (-1, 0, 1))
     curvature = max((low - 2.0 * here + high) / _LOG_STEP**2, 1e-6)
-    shape = half / (1.0 + math.exp(log) * squared_rate + beside)
+    shape = half / (1.0 + math.exp(log) * squared_rate + added)
     kurtosis = float(np.mean(shape**2)) / float(np.mean(shape)) ** 2
-    # heavy tails make a variance less certain than normal noise does
+    # heavy tails make a variance less certain than with normal noise
     odd = max((kurtosis - 1.0) / (_NORMAL_KURTOSIS - 1.0), 1.0)
     return Growing(gain=(deviance(0.0) - here) / odd, growth=math.exp(log), log_error=math.sqrt(2.0 * odd / curvature))

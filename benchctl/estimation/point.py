@@ -1,4 +1,4 @@
-"""A model as a point that a fit moves: the baseline's numbers and those of its effects, each in its own scale."""
+"""A model as a point that a fit moves: the numbers of the baseline and of its effects, each in its own scale."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 
 _SMALLEST = 1e-300
-"""Below it a number that is moved in its logarithm does not go."""
+"""Lower limit of a number that is fitted in its logarithm."""
 FREE = 50.0
-"""Of a logarithm: an error beyond which a number is not determined at all."""
+"""Error of a logarithm above which a number is not determined at all."""
 _AT = 1e-3
-"""A number so near its bound, as a share of that, stands at it."""
+"""Relative distance from a bound below which a number is at the bound."""
 
 
 @dataclass(frozen=True, slots=True)
 class Free:
-    """One number that is fitted: a parameter of the baseline (`effect` is None) or of the effect at a place.
+    """One number that is fitted: a parameter of the baseline (`effect` is None) or of the effect with this index.
 
-    `low` and `high` bound a parameter of the baseline; an effect's are in its `parameter`.
+    `low` and `high` bound a parameter of the baseline; the bounds of an effect's are in its `parameter`.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Point:
     effects: tuple[DescribedEffect, ...] = ()
 
     def free(self, names: Sequence[str], bounds: Mapping[str, tuple[float, float]] | None = None) -> list[Free]:
-        """Everything that can be fitted at this point; `names` are those of the baseline, some within `bounds`."""
+        """Return all numbers that can be fitted; `names` are those of the baseline, some with `bounds`."""
         within = bounds or {}
         numbers = [Free(name, None, None, *within.get(name, (-math.inf, math.inf))) for name in names]
         for place, effect in enumerate(self.effects):
@@ -53,18 +53,18 @@ class Point:
         return numbers
 
     def value(self, number: Free, index: int) -> float:
-        """The present value of a free number, in the scale in which it is moved."""
+        """Return the value of a free number, in the scale of the fit."""
         if number.effect is None:
             return float(self.baseline[index])
         value = float(getattr(self.effects[number.effect], number.name))
         return math.log(max(value, _SMALLEST)) if _in_logarithms(number) else value
 
     def values(self, numbers: Sequence[Free]) -> FloatArray:
-        """The present values of free numbers, each in the scale in which it is moved, shape (p,)."""
+        """Return the values of free numbers, each in the scale of the fit, shape (p,)."""
         return np.array([self.value(number, i) for i, number in enumerate(numbers)])
 
     def moved(self, numbers: Sequence[Free], values: FloatArray) -> Point:
-        """The model with its free numbers at other values, each kept within its bounds."""
+        """Return the model with its free numbers at other values, each kept within its bounds."""
         baseline = self.baseline.copy()
         effects = list(self.effects)
         for index, (number, value) in enumerate(zip(numbers, values.tolist(), strict=True)):
@@ -78,7 +78,7 @@ class Point:
 
 
 def at_bound(effect: DescribedEffect) -> bool:
-    """Whether a parameter of an effect stands at a bound of what is plausible; a `choice` and a phase have none."""
+    """Return whether a parameter of an effect is at a bound of what is plausible; `choice` and phase have no bounds."""
     return bool(_at_bounds(effect)) or not effect.plausible
 
 
@@ -91,20 +91,20 @@ def _at_bounds(effect: DescribedEffect) -> list[str]:
 
 
 def assumed(point: Point) -> Point:
-    """The model with what it does not determine of an effect assumed; the same one where that is nothing."""
+    """Return the model with undetermined parameters of effects assumed; the same object if there are none."""
     effects = tuple(((names := _at_bounds(one)) and one.assuming(names)) or one for one in point.effects)
     return point if effects == point.effects else replace(point, effects=effects)
 
 
 def stands_at(value: float, low: float, high: float) -> bool:
-    """Whether a number is as near one of its bounds as it can be told; it is never at one that is infinite."""
+    """Return whether a number is at one of its bounds, within tolerance; never at an infinite bound."""
     return any(math.isfinite(end) and abs(end - value) <= _AT * abs(end) for end in (low, high))
 
 
 def interval_of(parameter: Parameter, value: float, half: float) -> tuple[float, float]:
-    """The interval of a number whose error is `half` to each side in the scale in which a fit moves it.
+    """Return the interval of a number whose error is `half` to each side in the scale of the fit.
 
-    A `relative` one is told by ratios: a large change may be known badly in size and its sign still be beyond doubt.
+    The interval of a `relative` one is given by ratios: the size of a large change may be uncertain and its sign sure.
     """
     if parameter.logarithmic:
         return value * math.exp(-min(half, FREE)), value * math.exp(min(half, FREE))

@@ -1,7 +1,7 @@
-"""What the engine must know of a part of the bench: a measured quantity, and a model of it that effects can change.
+"""The interface of a part of the bench for the engine: a measured quantity, and a model of it that effects can change.
 
-The engine (noise, screening, joint fits, selection, the rest) works on any `Problem`; the gyro, the table's drive and
-the chamber each give theirs.
+The engine (noise, screening, joint fits, selection, residual analysis) works on any `Problem`; the gyro, the table's
+drive and the chamber each implement one.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 
 class Problem(Protocol):
-    """A part of the bench, as recorded, with the model that its lab believes in.
+    """A part of the bench, as recorded, with its lab's model.
 
-    Arrays have a row a sample, shape (n,), in the order of time; `step` is the place of a row's step in `step_names`.
+    Arrays have one row per sample, shape (n,), in order of time; `step` is the index of a row's step in `step_names`.
     """
 
     @property
     def measured(self) -> FloatArray:
-        """What is to be predicted, in `unit`."""
+        """The quantity to be predicted, in `unit`."""
 
     @property
     def unit(self) -> str:
@@ -30,23 +30,23 @@ class Problem(Protocol):
 
     @property
     def full_scale(self) -> float:
-        """The largest output that the rated range asks for: by it a change of the bias is judged."""
+        """The largest output within the rated range; changes of the bias are judged relative to it."""
 
     @property
     def time_s(self) -> FloatArray:
-        """Stamps, s."""
+        """Time stamps, s."""
 
     @property
     def interval_s(self) -> float:
-        """Between two samples of a stretch."""
+        """Time between two samples of a stretch."""
 
     @property
     def stretches(self) -> tuple[slice, ...]:
-        """The parts without gaps."""
+        """The gap-free parts."""
 
     @property
     def step(self) -> IntArray:
-        """Which step a row belongs to."""
+        """The step of each row."""
 
     @property
     def step_names(self) -> tuple[str, ...]:
@@ -54,39 +54,39 @@ class Problem(Protocol):
 
     @property
     def step_kinds(self) -> tuple[str, ...]:
-        """Their kinds."""
+        """Kinds of the steps."""
 
     @property
     def steps(self) -> tuple[StepInfo, ...]:
-        """What the steps are, when each began and ended; a part may cut a recording's steps into pieces."""
+        """The steps with their beginnings and ends; a part may cut a recording's steps into pieces."""
 
     @property
     def recorded(self) -> IntArray:
-        """In which of the joined recordings of one instrument each step is, shape (m,)."""
+        """For each step, which of the joined recordings of one instrument it belongs to, shape (m,)."""
 
     @property
     def usable(self) -> BoolArray:
-        """Rows that may be fitted; the others are known to be spoilt."""
+        """Rows that may be fitted; the others are known to be bad."""
 
     @property
     def baseline_names(self) -> tuple[str, ...]:
-        """Parameters of the lab's model, under the names of their format."""
+        """Parameters of the lab's model, by the names of their format."""
 
     @property
     def baseline_units(self) -> tuple[str, ...]:
-        """Their units."""
+        """Units of these parameters."""
 
     @property
     def baseline_start(self) -> FloatArray:
-        """Their values as the lab believes them, shape (p,)."""
+        """Values of these parameters in the lab's model, shape (p,)."""
 
     @property
     def baseline_bounds(self) -> Mapping[str, tuple[float, float]]:
-        """What physics and the bench allow parameters of the baseline to be; those left out are free."""
+        """Bounds of baseline parameters by physics and the bench; parameters that are not listed are free."""
 
     @property
     def believed(self) -> bool:
-        """Whether `baseline_start` is a lab's model; where not, it was estimated from the recording itself."""
+        """Whether `baseline_start` is a lab's model; otherwise it was estimated from the recording itself."""
 
     @property
     def noises(self) -> frozenset[str]:
@@ -94,25 +94,25 @@ class Problem(Protocol):
 
     @property
     def disturbed(self) -> bool:
-        """Whether what disturbs `measured` is felt for long: misses then follow from each other whatever is missing.
+        """Whether disturbances of `measured` last long, so that residuals are correlated even if nothing is missing.
 
-        Models are fitted to `measured` itself, and each competes beside the disturbance that it needs.
+        Models are fitted to `measured` itself, and each is compared together with the disturbance that it implies.
         """
 
     def forgetting(self, baseline: FloatArray, effects: Sequence[Any]) -> Sequence[tuple[float, float]]:
-        """The rates [1/s] with which a `disturbed` quantity forgets by a model what has pushed it, and their powers."""
+        """Return the rates [1/s] at which a model's `disturbed` quantity forgets disturbances, and their powers."""
 
     @property
     def rounding(self) -> float:
-        """Deviation of what the steps of `measured` round off; 0 where they are far below the noise."""
+        """Standard deviation of the rounding of `measured`; 0 if it is far below the noise."""
 
     @property
     def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
-        """Variance [unit²] that noise of what is predicted from adds, and of half a step from row to row; (n,) each."""
+        """Variance [unit²] due to noise of the model's inputs, and that of half a row-to-row difference; (n,) each."""
 
     @property
     def circumstances(self) -> Mapping[str, float]:
-        """What effects want to know beside their parameters."""
+        """Quantities that effects need in addition to their parameters."""
 
     @property
     def effects(self) -> Mapping[str, type[DescribedEffect]]:
@@ -120,40 +120,40 @@ class Problem(Protocol):
 
     @property
     def coordinates(self) -> Mapping[str, FloatArray]:
-        """Coordinates in which a mismatch is looked for, by the words of `result.COORDINATES`."""
+        """Coordinates in which a mismatch is searched for, by the words of `result.COORDINATES`."""
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """The model's value of `measured`, shape (n,), for baseline parameters (p,) and effects."""
+        """Return the model's value of `measured`, shape (n,), for baseline parameters (p,) and effects."""
 
     def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """What else is compared, in deviations times that of a row's noise, shape (w,): gains and phases."""
+        """Return further residuals, gains and phases, in standard deviations times a row's noise, shape (w,)."""
 
     @property
     def spectral_step(self) -> IntArray:
-        """Which step each of these belongs to, shape (w,)."""
+        """The step of each of these residuals, shape (w,)."""
 
     def starts(
         self, baseline: FloatArray, effects: Sequence[DescribedEffect]
     ) -> Iterable[tuple[FloatArray, DescribedEffect]]:
-        """Effects of a fair size beside those of a model, each with a baseline (p,) to begin a fit with.
+        """Yield effects of moderate size to be added to a model, each with a baseline (p,) as start of a fit.
 
-        They come beside where a screening of small ones sends a fit.
+        They are tried in addition to the starts from screening small effects.
         """
 
     def thinned(self) -> Self | None:
-        """The same with fewer rows, for a first look at what may be missing; None where all are few enough."""
+        """Return the same with fewer rows, for a first search for what is missing; None if there are few enough."""
 
     def forget(self) -> None:
-        """Let go of what is only kept so that the next prediction is quick."""
+        """Release data that is kept only to speed up the next prediction."""
 
     def otherwise(self) -> Self | None:
-        """The same recording under the other answer to what it does not state; None where there is no such question."""
+        """Return the recording under the alternative assumption about what it does not state; None if there is none."""
 
     def matters(self, name: str, change: float) -> float:
-        """What a change of a parameter of the baseline does at most, as a share of full scale or of scale factor."""
+        """Return the largest result of a change of a baseline parameter, as a share of full scale or scale factor."""
 
     def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
-        """The tables of a model file for baseline parameters (p,) and effects; `noise` is the deviation of a row."""
+        """Return the tables of a model file for baseline parameters (p,) and effects; `noise` is that of a row."""
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
-        """What this part adds in sentences, from residuals before and after and rows held out, all of shape (n,)."""
+        """Return remarks of this part, given residuals before and after and the held-out rows, all of shape (n,)."""

@@ -1,9 +1,9 @@
-"""What a fit needs of the rows, kept per step: products of whitened derivatives with each other and the residual.
+"""Sums per step that a fit needs: products of whitened derivatives with each other and with the residual.
 
-What is compared beside the rows (`Problem.spectral_residual`) is added to its steps: it tells numbers, but is no row
-from which the size of the noise is known.
+Residuals that are compared in addition to the rows (`Problem.spectral_residual`) are added to their steps: they
+determine numbers, but do not count for the size of the noise.
 
-A step is summed up some rows at a time, which stay in a core's own memory; several cores take some steps each.
+A step is summed over groups of rows that fit into a core's cache; several cores process some steps each.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from benchctl.signals.blocks import gram, in_cache
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _PARTS = 8
-"""For each thread: steps are not of one length."""
+"""Number of parts per thread; steps differ in length."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class Products:
     rows: FloatArray
 
     def of(self, steps: BoolArray) -> tuple[FloatArray, FloatArray, float, float]:
-        """Their sums over some steps, given as a mask of shape (m,)."""
+        """Return the sums over some steps, given as a mask of shape (m,)."""
         return (
             self.information[steps].sum(axis=0),
             self.gradient[steps].sum(axis=0),
@@ -45,7 +45,7 @@ class Products:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spectral:
-    """What is compared beside the rows: the residual (w,), and the derivatives (w, p) of what it is the residual of."""
+    """Data compared in addition to the rows: the residual (w,), and the derivatives (w, p) of its prediction."""
 
     residual: FloatArray
     derivatives: FloatArray
@@ -54,11 +54,11 @@ class Spectral:
 def products_of(
     problem: Problem, derivatives: FloatArray, white: FloatArray, whitener: Whitener, spectral: Spectral
 ) -> Products:
-    """The products per step of whitened derivatives (n, p) and residuals (n,)."""
-    beside = spectral.derivatives
+    """Return the products per step of whitened derivatives (n, p) and residuals (n,)."""
+    extra = spectral.derivatives
     information = _over_steps(problem, lambda rows: gram(derivatives[rows]))
     empty = Products(
-        information=_added(problem, information, beside[:, :, None] * beside[:, None, :]),
+        information=_added(problem, information, extra[:, :, None] * extra[:, None, :]),
         gradient=np.zeros((0, derivatives.shape[1])),
         squares=np.zeros(0),
         rows=_over_steps(problem, lambda rows: float(np.count_nonzero(whitener.weight[rows]))),
@@ -69,7 +69,7 @@ def products_of(
 def with_residual(
     problem: Problem, products: Products, derivatives: FloatArray, white: FloatArray, spectral: Spectral
 ) -> Products:
-    """The products with other residuals of the same derivatives."""
+    """Return the products with other residuals of the same derivatives."""
 
     def gradient(rows: slice) -> FloatArray:
         return sum((white[some] @ derivatives[some] for some in in_cache(rows)), np.zeros(derivatives.shape[1]))
@@ -82,19 +82,19 @@ def with_residual(
 
 
 def squares_of(problem: Problem, white: FloatArray, beside: FloatArray) -> FloatArray:
-    """The sums of squares of each step's whitened rows (n,) and of what is compared beside them (w,), shape (m,)."""
+    """Return the sum of squares of each step's whitened rows (n,) and additional residuals `beside` (w,); (m,)."""
     rows = _over_steps(problem, lambda rows: sum(float(white[some] @ white[some]) for some in in_cache(rows)))
     return _added(problem, rows, beside**2)
 
 
 def _added(problem: Problem, sums: FloatArray, values: FloatArray) -> FloatArray:
-    """Sums of steps (m, …) with values (w, …) of what is compared beside the rows."""
+    """Add values (w, …) of the additional residuals to the sums of their steps (m, …)."""
     np.add.at(sums, problem.spectral_step, values)
     return sums
 
 
 def _over_steps(problem: Problem, summed: Callable[[slice], FloatArray | float]) -> FloatArray:
-    """What is summed over the rows of every step, shape (m, …); each thread takes some steps in a row."""
+    """Return the sums over the rows of every step, shape (m, …); each thread processes consecutive steps."""
     bounds = np.searchsorted(problem.step, np.arange(len(problem.step_names) + 1)).tolist()
     steps = [slice(first, last) for first, last in itertools.pairwise(bounds)]
     parts = parts_of(len(steps), _PARTS * threads())

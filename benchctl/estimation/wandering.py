@@ -1,8 +1,8 @@
-"""A bias that wanders: which slow process the data demand beside the white noise, and how large it is.
+"""A wandering bias: which slow process the data require in addition to the white noise, and its size.
 
-The likelihood of each kind is compared with everything that the model in hand can follow fitted anew: what a wandering
-bias explains must not be what a refitted temperature coefficient would. A search over sizes works on means of many
-samples, which hold all that is slow; what is found is then measured on the samples themselves.
+The likelihoods are compared with everything refitted that the current model can absorb: a wandering bias must not
+explain what a refitted temperature coefficient would. A search over sizes uses means of many samples, which contain all
+that is slow; the result is then measured on the samples themselves.
 """
 
 from __future__ import annotations
@@ -26,32 +26,32 @@ PROCESSES: Mapping[str, Process] = {
     "bias_random_walk": lambda size, interval_s, _lasts_s: walk(size, interval_s),
     "flicker_noise": flicker,
 }
-"""From a size over the deviation of the white noise, the time between samples and the length of the recording."""
+"""Processes from a size over the white noise's deviation, the sampling interval and the length of the recording."""
 
 _BLOCK_S = 0.2
 _MOST_ROWS = 1_500_000
-"""Of more samples, means of a few are taken: what is slow beside some hundredths of a second is in these as it is."""
+"""Above this number of samples, means of a few are used; they keep anything slower than some hundredths of a second."""
 _SIZES = np.geomspace(1e-4, 10.0, 16)
 _NEAR = math.log(1.15)
 _TOLERANCE = 0.02
 _STEPS, _FORESEEN = 16, 5
-"""Parabolas at most, and by so many steps of what one brings a gain may still grow.
+"""Maximum number of parabolas; a gain may still grow by at most this many times the last one's increase.
 
-Where means of many samples hold hardly any of the white noise, they tell nothing of the size, and lead far off.
+Means of many samples that contain hardly any white noise do not determine the size, so the start may be far off.
 """
 _FEWEST = 50
 _BELIED = 10.0
-"""Loss of twice the log likelihood at rest, for each step and one more, from which on a process is none.
+"""Loss of twice the log likelihood at rest, per step and one more, above which a process is rejected.
 
-A step's own level is fitted to it and a process foretells it: that alone is worth a few."""
+A step's own level is fitted to it while a process predicts it: that alone is worth a few."""
 
 
 def wandering(
     problem: Problem, whitener: Whitener, fitted: Fit, *, least_gain: float, rival: float = -math.inf
 ) -> list[Noisy]:
-    """The processes that gain more than `least_gain` over white noise on the steps that a model was fitted to.
+    """Return the processes that gain more than `least_gain` over white noise on the fitted steps.
 
-    Those that are sure to gain less than a `rival` are not measured to the end, and not told if all are such.
+    Processes that certainly gain less than a `rival` are not measured to the end; if all do, the list is empty.
     """
     kinds = [name for name in PROCESSES if name in problem.noises]
     if not kinds:
@@ -80,7 +80,7 @@ def _measured(
     size: float,
     rival: float,
 ) -> Noisy:
-    """The gain and the size on the samples themselves, by parabolas through three sizes."""
+    """Measure the gain and the size on the samples themselves, by parabolas through three sizes."""
     lasts_s = float(problem.time_s[-1] - problem.time_s[0])
     rows = fitted.fitted[problem.step]
     together = -(-rows.size // _MOST_ROWS)
@@ -116,17 +116,17 @@ def _measured(
 
 
 def _gain_at_rest(problem: Problem, whitener: Whitener, fitted: Fit) -> float:
-    """What the process brings while the table rests, over a level of each step's own.
+    """Return the gain of the process while the table rests, over a separate level for each step.
 
-    A bias that wanders does so at rest too. What only looks like it, because it follows the motion, does not: there
-    the process predicts worse than none.
+    A wandering bias also wanders at rest. An effect that only resembles it because it follows the motion does not: then
+    the process predicts rest worse than no process.
     """
     white = whitener(fitted.residual)
     process = level = rows = 0.0
     for number, kind in enumerate(problem.step_kinds):
         if kind != "static" or not fitted.fitted[number]:
             continue
-        # what came before the step still works in the filter at its start
+        # the filter's state at the start of a step depends on the rows before it
         first, last = np.searchsorted(problem.step, [number, number + 1]).tolist()
         first += (last - first) // 4
         inside = first + np.flatnonzero(whitener.weight[first:last] > 0.0)
@@ -140,7 +140,7 @@ def _gain_at_rest(problem: Problem, whitener: Whitener, fitted: Fit) -> float:
 
 
 def _deviance(whitener: Whitener, columns: FloatArray, rows: BoolArray) -> float:
-    """Minus twice the log likelihood of a residual, the first column, with the others refitted to it, on some rows."""
+    """Return minus twice the log likelihood of the first column on some rows, with the others refitted to it."""
     count = float((whitener.weight[rows] > 0.0).sum())
     white = whitened_columns(whitener, columns)
     white *= rows[:, None]
@@ -148,16 +148,16 @@ def _deviance(whitener: Whitener, columns: FloatArray, rows: BoolArray) -> float
 
 
 def _left(columns: FloatArray) -> float:
-    """The sum of squares of the first column that the others leave."""
+    """Return the sum of squares of the first column after projection on the others."""
     products = gram(columns)
     gradient = products[1:, 0]
     return max(float(products[0, 0] - gradient @ inverse(products[1:, 1:]) @ gradient), 1e-300)
 
 
 class _Blocks:
-    """Residual and derivatives as means over many samples, each of a `weight` (n,): likelihoods are those of the means.
+    """Means of residual and derivatives over many samples with `weight` (n,); likelihoods are those of the means.
 
-    The weights are the inverse of the deviations of the samples' white noise, relative to each other.
+    The weights are the inverse of the samples' relative white noise.
     """
 
     def __init__(
@@ -184,7 +184,7 @@ class _Blocks:
         )
 
     def _summed(self, values: FloatArray) -> FloatArray:
-        """Sums over the samples of each mean."""
+        """Return the sums over the samples of each mean."""
         if not self._first.size:
             return np.zeros(0)
         ends = np.stack([self._first, self._first + self._samples], axis=1).ravel()
@@ -192,10 +192,10 @@ class _Blocks:
         return sums
 
     def best(self, process: Process, least_gain: float) -> tuple[float, float]:
-        """The largest gain and the size, over the deviation of a sample's white noise, where it lies.
+        """Return the largest gain, and its size over the standard deviation of a sample's white noise.
 
-        Sizes are a factor of four apart at first, two beside the best; only where one gains near `least_gain` it is
-        looked at closer.
+        Sizes first differ by a factor of four, near the best by two; the search is refined only if the gain is near
+        `least_gain`.
         """
         if not self._fitted.any():
             return 0.0, float(_SIZES[0])
@@ -218,8 +218,8 @@ class _Blocks:
         return without - float(found.fun), math.exp(float(found.x))
 
     def deviance(self, process: Process, size: float) -> float:
-        """Minus twice the log likelihood with a process of a size; 0 for none."""
-        # the white noise of a mean is smaller by the root of the samples, so the process beside it is larger
+        """Return minus twice the log likelihood with a process of this size; 0 for none."""
+        # the white noise of a mean is smaller by the root of the samples, so the relative size of the process is larger
         relative = size * math.sqrt(self._samples)
         slow = process(relative, self._interval_s, self._lasts_s) if size > 0.0 else ()
         whitener = self._whitener.beside(slow)
@@ -228,12 +228,12 @@ class _Blocks:
         return self._likelihood(_left(white)) + whitener.log_determinant
 
     def _likelihood(self, left: float) -> float:
-        """Minus twice its logarithm, by the sum of squares that is left of the whitened means."""
+        """Return minus twice the log likelihood from the residual sum of squares of the whitened means."""
         return float(self._fitted.sum()) * math.log(left)
 
 
 class _Means(_Blocks):
-    """Means over so few samples that a process stands still in each: likelihoods are those of the samples."""
+    """Means over so few samples that a process is constant in each; likelihoods are those of the samples."""
 
     def __init__(
         self, problem: Problem, weight: FloatArray, columns: FloatArray, fitted: BoolArray, samples: int

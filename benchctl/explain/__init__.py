@@ -1,1 +1,1 @@
-"""Help that is built in: an effect, a metric or a term in words, with its equation, sources and picture."""
+"""Built-in help: a description of each effect, metric and term, with its equation, sources and picture."""

@@ -1,6 +1,6 @@
-"""All entries, which of them a word means however it is spelt, and an entry as plain data.
+"""All entries of the glossary, the search for an entry by any spelling, and an entry as plain data.
 
-Effects are described by their registries; one of a third party is explained like one of ours.
+Effects are described by their registries, also those of third parties.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from benchctl_instruments.physics.effects.numbered import numbered
 from benchctl_instruments.physics.effects.registry import effects
 
 _LETTER = "[A-Za-zΑ-ω0-9_]"
-"""What a name in an equation is made of; powers, ω², do not belong to it."""
+"""Characters of a name in an equation; superscript powers, as in ω², are not part of it."""
 _ALL = "diagnostic"
-"""The procedure that brings out every effect of the gyro that a bench can bring out."""
+"""The procedure that excites every effect of the gyro that a bench can excite."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterWords:
-    """A parameter in words; `usual` is empty where nothing is known of what is usual."""
+    """The description of a parameter; `usual` is empty if no usual size is known."""
 
     name: str
     meaning: str
@@ -47,14 +47,14 @@ class ParameterWords:
 
 
 def effect_entries() -> Iterator[Entry]:
-    """Every effect of the gyro, of the drive and of the chamber."""
+    """Yield all effects of the gyro, of the drive and of the chamber."""
     yield from (_entry("gyro", one) for one in effects().values())
     yield from (_entry("drive", one) for one in drive_effects().values())
     yield from (_entry("chamber", one) for one in chamber_effects().values())
 
 
 def symbols(entry: Entry) -> dict[str, str]:
-    """The letters of an effect's equation and what they stand for."""
+    """Return the symbols in an effect's equation with their meanings."""
     if entry.effect is None:
         return {}
     known = {**tables()["symbols"].get(entry.group, {}), **extra("effects", entry.name).get("symbols", {})}
@@ -62,7 +62,7 @@ def symbols(entry: Entry) -> dict[str, str]:
 
 
 def parameters(entry: Entry, usual: Mapping[str, tuple[float, float]]) -> tuple[ParameterWords, ...]:
-    """The parameters of an effect, in the order of its fields; none of what is no effect."""
+    """Return the parameters of an effect, in the order of its fields; empty for other entries."""
     if entry.effect is None:
         return ()
     described: Mapping[str, Parameter] = entry.effect.parameters
@@ -123,32 +123,33 @@ def _occurs_in(letter: str, equation: str) -> bool:
 
 _BRITISH = (("z", "s"), ("fiber", "fibre"), ("center", "centre"), ("aging", "ageing"))
 _SYMBOL = 2
-"""Of a spelling this short the case matters: K and k, U and u, S and s."""
+"""Up to this length a spelling is case-sensitive: K and k, U and u, S and s."""
 _LONGEST = 80
-"""Letters of a term: in longer ones no near name is looked for."""
+"""Maximum length of a term for which similar names are suggested."""
 
 
 @cache
 def entries() -> tuple[Entry, ...]:
-    """Every entry: effects, metrics, terms, in the order of the groups."""
+    """Return all entries: effects, metrics and terms, in the order of the groups."""
     found = (*effect_entries(), *metric_entries(), *term_entries())
     return tuple(sorted(found, key=lambda one: get_args(Group).index(one.group)))
 
 
 def grouped() -> Mapping[Group, tuple[Entry, ...]]:
-    """Every entry by its group."""
+    """Return all entries by group."""
     return {group: tuple(one for one in entries() if one.group == group) for group in get_args(Group)}
 
 
 def find(term: str) -> tuple[Entry, ...]:
-    """The entries that a term names, one or, where it has several meanings, all of them.
+    """Return the entries that a term names: one, or all if it has several meanings.
 
-    Case, blanks, underscores, hyphens, a plural and American spelling do not matter; names go before further spellings.
+    Case, blanks, underscores, hyphens, plural and American spelling are ignored; names have priority over other
+    spellings.
 
     Raises
     ------
     UsageError
-        Where there is none; names the nearest.
+        If there is none; the message suggests the nearest.
     """
     given = unicodedata.normalize("NFKC", " ".join(term.split()))
     if len(given) <= _SYMBOL:
@@ -167,7 +168,7 @@ def find(term: str) -> tuple[Entry, ...]:
 
 @cache
 def _index() -> tuple[Mapping[str, tuple[Entry, ...]], Mapping[str, tuple[Entry, ...]]]:
-    """Entries by the keys of their names, and by those of every spelling."""
+    """Return the entries by the keys of their names, and by those of all spellings."""
     by_name: dict[str, tuple[Entry, ...]] = {}
     by_spelling: dict[str, tuple[Entry, ...]] = {}
     for one in entries():
@@ -186,7 +187,7 @@ def _spellings(entry: Entry) -> tuple[str, ...]:
 
 
 def _key(spelling: str) -> str:
-    """What is left where nothing but letters and digits counts."""
+    """Return a spelling reduced to lower-case letters and digits, in British spelling without a plural s."""
     key = re.sub(r"[\W_]+", "", unicodedata.normalize("NFKC", spelling).casefold())
     for american, british in _BRITISH:
         key = key.replace(american, british)
@@ -194,7 +195,7 @@ def _key(spelling: str) -> str:
 
 
 def metric_entries() -> Iterator[Entry]:
-    """Every result, in the order of the report."""
+    """Yield all metrics, in the order of the report."""
     words = catalogue("en")
     for name, unit in UNITS.items():
         test, more = words.test(name), extra("metrics", name)
@@ -215,21 +216,21 @@ def metric_entries() -> Iterator[Entry]:
 
 
 def explained(term: str) -> dict[str, Any]:
-    """What a term means: name, title, kind, words, equation, parameters, facts, sources and names of other entries.
+    """Return the meaning of a term: name, title, kind, words, equation, parameters, facts, sources and related entries.
 
-    Where it has several meanings, `also_means` has the others, each a dictionary of the same keys.
+    If it has several meanings, `also_means` contains the others as dictionaries with the same keys.
 
     Raises
     ------
     UsageError
-        Where there is no such term; names the nearest.
+        If there is no such term; the message suggests the nearest.
     """
     first, *others = find(term)
     return {**as_values(first), "also_means": [as_values(one) for one in others]}
 
 
 def as_values(entry: Entry) -> dict[str, Any]:
-    """One entry as plain data."""
+    """Return one entry as plain data."""
     return {
         "name": entry.name,
         "title": entry.title,
@@ -261,9 +262,9 @@ def as_values(entry: Entry) -> dict[str, Any]:
 
 
 def usual(entry: Entry) -> dict[str, tuple[float, float]]:
-    """Usual sizes of an effect's parameters, of those of the gyro for which they are known."""
+    """Return the usual sizes of an effect's parameters, if it is one of the gyro and they are known."""
     if entry.effect is None or entry.group != "gyro":
         return {}
-    from benchctl.explain.sizes import usual_sizes  # what draws trials takes half a second to import
+    from benchctl.explain.sizes import usual_sizes  # the module that draws trials takes half a second to import
 
     return usual_sizes(entry.name)

@@ -1,4 +1,4 @@
-"""Read `terms/*.toml`: terms of the field, and further fields of effects and metrics."""
+"""Read `terms/*.toml`: terms of the field, and additional fields of effects and metrics."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ Group = Literal[
     "verdicts",
     "files",
 ]
-"""The groups of the list; `terms/*.toml` has the headings."""
+"""The groups of entries; their headings are in `terms/*.toml`."""
 
 PART_OF_BENCH: tuple[Group, ...] = ("gyro", "drive", "chamber")
-"""Groups of effects: each a part of the bench."""
+"""Groups of effects, one per part of the bench."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,19 +40,19 @@ class Entry:
     Attributes
     ----------
     name
-        As it is typed and linked to: `thermal_lag`, `set point`.
+        The name for commands and links: `thermal_lag`, `set point`.
     title
-        As a heading.
+        The heading.
     facts
-        Further lines, by their label: a unit, which procedure measures it.
+        Additional lines, by label: a unit, the procedure that measures it.
     look_alikes, see
-        Names of other entries; the first are those with which an effect can be confused.
+        Names of other entries; `look_alikes` are those that the effect can be confused with.
     also
-        Further spellings.
+        Other spellings.
     drawing
-        Which picture it has, see `benchctl.explain.pictures`; empty where it has none.
+        The name of the picture, see `benchctl.explain.pictures`; empty without a picture.
     effect
-        The effect that it describes, from its registry.
+        The class of the effect, from its registry.
     """
 
     name: str
@@ -70,11 +70,11 @@ class Entry:
 
 
 _PLAIN_POWER = 5
-"""Powers of ten up to which a number is written out."""
+"""Largest power of ten that is written out."""
 
 
 def as_written(value: float) -> str:
-    """A bound or a size to three digits: `0.05`, `20000`, `5 × 10⁻⁸`, `−10⁻⁴`, `∞`."""
+    """Format a bound or a size to three digits: `0.05`, `20000`, `5 × 10⁻⁸`, `−10⁻⁴`, `∞`."""
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
     mantissa, _, exponent = f"{value:.3g}".partition("e")
@@ -91,7 +91,7 @@ def as_written(value: float) -> str:
 
 @cache
 def tables() -> Mapping[str, Any]:
-    """All files as one; a table that several of them have is shared out over them."""
+    """Read all files; tables with the same name are merged."""
     found: dict[str, Any] = {}
     for file in files("benchctl.explain").joinpath("terms").iterdir():
         for name, table in tomllib.loads(file.read_text(encoding="utf-8")).items():
@@ -100,28 +100,28 @@ def tables() -> Mapping[str, Any]:
 
 
 def heading(group: Group) -> str:
-    """What a group is called in the list."""
+    """Return the heading of a group."""
     return str(tables()["groups"][group])
 
 
 def kind(group: Group) -> str:
-    """What one entry of a group is."""
+    """Return the kind of a single entry of a group."""
     return str(tables()["kinds"][group])
 
 
 def extra(table: str, name: str) -> Mapping[str, Any]:
-    """Return the further fields of an effect or a metric; empty where there are none."""
+    """Return the additional fields of an effect or a metric; empty if there are none."""
     found: Mapping[str, Any] = tables()[table].get(name, {})
     return found
 
 
 def shared(table: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of an entry that every table may state."""
+    """Return the fields of an entry that every table may contain."""
     return {name: tuple(table.get(name, ())) for name in ("sources", "see", "also")}
 
 
 def term_entries() -> Iterator[Entry]:
-    """The terms, in the order of their file within that of the groups."""
+    """Yield the terms, by group and in the order of their file."""
     for group in get_args(Group):
         for name, table in tables()["terms"].get(group, {}).items():
             yield Entry(

@@ -1,4 +1,4 @@
-"""How large effects usually are: as the sealed trials of `benchctl prove` draw them, on one typical unit."""
+"""Usual sizes of effects: as drawn by the sealed trials of `benchctl prove`, on one typical unit."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from benchctl_instruments.physics.effects.registry import effects
 from benchctl_instruments.physics.gyro import GyroParameters
 
 K0_V_PER_DPS, RANGE_DPS, NOISE_V = 0.05, 200.0, 1.5e-3
-"""The typical unit: 10 V at 200 °/s, and white noise of a sample as many trials have it."""
+"""The typical unit: 10 V at 200 °/s, and a white noise per sample that is common in trials."""
 
 
 @dataclass(frozen=True, slots=True)
 class _TypicalUnit:
-    """That unit; its converter has 16 bits over ±10 V."""
+    """The typical unit; its converter has 16 bits over ±10 V."""
 
     gyro: GyroParameters
     range_dps: float = RANGE_DPS
@@ -33,7 +33,7 @@ _UNSIZED = ("phase", "choice")
 
 @cache
 def usual_sizes(identifier: str) -> dict[str, tuple[float, float]]:
-    """Lowest and highest usual size of each parameter, without sign; empty where no trial draws the effect."""
+    """Return lowest and highest usual size of each parameter, without sign; empty if no trial draws the effect."""
     return {
         name: (_rounded(float(sizes.min())), _rounded(float(sizes.max())))
         for name, sizes in _drawn(identifier).items()
@@ -42,7 +42,7 @@ def usual_sizes(identifier: str) -> dict[str, tuple[float, float]]:
 
 
 def middle_size(identifier: str) -> dict[str, float]:
-    """A size that is neither large nor small for the effect, positive; empty where no trial draws the effect."""
+    """Return a medium size for the effect, positive; empty if no trial draws the effect."""
     return {name: float(np.quantile(sizes, 0.5, method="nearest")) for name, sizes in _drawn(identifier).items()}
 
 

@@ -1,4 +1,4 @@
-"""Explanations set for a terminal: one entry, or the list of all."""
+"""Explanations formatted for a terminal: one entry, or the list of all."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _USUAL = "usual: as `benchctl prove` draws it, on a gyro of 10 V at 200 °/s wit
 
 
 def page(entry: Entry, columns: int) -> str:
-    """An entry in so many columns."""
+    """Return an entry, wrapped to `columns`."""
     return "\n".join(_lines(entry, _width(columns)))
 
 
 def listing(groups: Mapping[Group, tuple[Entry, ...]], columns: int) -> str:
-    """Every entry in a line, by groups."""
+    """Return a line for each entry, by groups."""
     return "\n".join(_listed(groups, _width(columns)))
 
 
@@ -67,7 +67,7 @@ def _parameter_lines(described: tuple[ParameterWords, ...], width: int) -> Itera
 
 
 def _sizes(one: ParameterWords) -> str:
-    """Unit, bounds and usual size of a parameter."""
+    """Return unit, bounds and usual size of a parameter."""
     parts = [f"{as_written(one.low)} to {text.with_unit(as_written(one.high), one.unit)}"]
     if one.usual is not None:
         either = "±" if one.low < 0.0 else ""
@@ -123,7 +123,7 @@ def _short(clause: str, room: int) -> str:
 
 
 def _typed(name: str) -> str:
-    """A name as one types it in a shell."""
+    """Quote a name as needed in a shell."""
     return name if re.fullmatch(r"[\w.-]+", name) else f'"{name}"'
 
 

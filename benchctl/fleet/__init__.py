@@ -1,1 +1,1 @@
-"""Many recordings fitted, diagnosed or accepted at once, on a Dask cluster or on this machine's cores."""
+"""Fit, diagnose or accept many recordings in parallel, on a Dask cluster or on this machine's cores."""

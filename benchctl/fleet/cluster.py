@@ -1,6 +1,6 @@
-"""Run a verb on many recordings, on a Dask cluster, and collect what is stated of each.
+"""Run a verb on many recordings, on a Dask cluster, and collect the results of each.
 
-The cluster is a running one, by its scheduler's address, or new processes on this machine.
+The cluster is an existing one, given by its scheduler's address, or new processes on this machine.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from benchctl_instruments.errors import BenchError, LinkError, UsageError, in_li
 
 _CONNECT_S = 5.0
 _ENOUGH = 1_000_000
-"""Deaths of workers after which a scheduler of ours would give a task up: never; a job's own notes decide."""
+"""Allowed worker deaths per task on our own scheduler, practically unlimited: the job's own notes decide instead."""
 
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": _ENOUGH,
-    "distributed.scheduler.worker-saturation": 1.0,  # a job that is as good as begun dies with its worker
+    "distributed.scheduler.worker-saturation": 1.0,  # a job that is queued on a worker is lost with it
     "distributed.worker.profile.enabled": False,
-    # dask looks at these up to 50 times a second in every process, which costs 5 % of a fleet's time on two cores
+    # dask runs these up to 50 times a second in every process, which costs 5 % of a fleet's time on two cores
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
     "distributed.worker.memory.monitor-interval": "500ms",
@@ -47,7 +47,7 @@ _SETTINGS = {
 
 
 def refuse_without_dask() -> None:
-    """Raise `UsageError` where the extra is not installed."""
+    """Raise `UsageError` if the extra is not installed."""
     try:
         import dask  # noqa: F401
         import distributed  # noqa: F401
@@ -57,17 +57,19 @@ def refuse_without_dask() -> None:
 
 @contextmanager
 def connected(scheduler: str | None, workers: int) -> Iterator[Any]:
-    """A client of the scheduler at an address, or of so many new processes on this machine, which end with the block.
+    """Return a client of the scheduler at an address, or of `workers` new processes that end with the block.
 
     Raises
     ------
     UsageError
-        Where no scheduler answers at the address, or no processes can be started.
+        If no scheduler answers at the address, or the processes cannot be started.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # dask's, on versions and ports: their consequences are reported as errors
         import dask
-        from distributed import Client  # first, as the end of the settings would take its own away with them
+        from distributed import (
+            Client,
+        )  # first, because otherwise the end of the settings block would remove its settings
 
         _hush()
         with dask.config.set(_SETTINGS):
@@ -89,7 +91,7 @@ def _client_at(scheduler: str) -> Any:
         raise UsageError(f"--scheduler {scheduler}: is no address; expected one such as tcp://lab-server:8786") from err
     except TimeoutError as err:
         raise _no_scheduler(scheduler, f"nothing came within {_CONNECT_S:g} s") from err
-    except Exception as err:  # whatever is at the address may answer anything
+    except Exception as err:  # a server at the address may send any response
         raise _no_scheduler(scheduler, in_line(str(err)) or type(err).__name__) from err
 
 
@@ -101,7 +103,7 @@ def _no_scheduler(address: str, why: str) -> UsageError:
 
 
 async def _greet(scheduler: str) -> None:
-    """Meet what is at an address, for a while only: a client waits for ever for the answer of what is no scheduler."""
+    """Connect to an address with a timeout: a client waits forever for a response of another kind of server."""
     from distributed import Security
     from distributed.comm import connect
 
@@ -111,7 +113,7 @@ async def _greet(scheduler: str) -> None:
 
 
 def _hush() -> None:
-    """Silence dask's log, whose tracebacks do not help a user: errors are reported in one line."""
+    """Disable dask's log, whose tracebacks do not help a user: errors are reported in one line."""
     known = [*logging.root.manager.loggerDict, "distributed", "tornado", "asyncio"]
     for name in known:
         if name.partition(".")[0] in ("distributed", "tornado", "asyncio"):
@@ -120,7 +122,7 @@ def _hush() -> None:
 
 @contextmanager
 def _own_workers(count: int) -> Iterator[Any]:
-    """Processes with a thread each. Ctrl-C in a terminal reaches all: they leave it to this process to end them."""
+    """Start processes with one thread each. They ignore Ctrl-C in the terminal; this process ends them."""
     from distributed import LocalCluster
 
     try:
@@ -143,11 +145,11 @@ def _own_workers(count: int) -> Iterator[Any]:
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Threads and processes that are started in the block take no Ctrl-C, nor do those that they start."""
+    """Block Ctrl-C in the threads and processes that are started in the block, and in their children."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # which lets signals through again in the thread that first starts it
+    resource_tracker.ensure_running()  # it unblocks signals in the thread that first starts it
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -157,20 +159,20 @@ def _deaf() -> Iterator[None]:
 
 _LOOK_S = 0.02
 _AHEAD = 256
-"""Jobs that are handed over at once, or two for each thread of a larger cluster."""
+"""Number of jobs submitted in advance, or two per thread of a larger cluster."""
 _DONE_AGAIN = ("lost", "pending")
-"""Of a job that had ended: its worker died before the outcome was taken from it, and the cluster asks another one."""
+"""Status of a finished job whose worker died before its outcome was fetched; the cluster runs it again."""
 
 
 def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tuple[Job, JobOutcome]]:
-    """Do jobs, the largest recordings first, on the cluster of a client of dask's; each with its outcome, as it ends.
+    """Run jobs on a dask client's cluster, the largest recordings first; yield each with its outcome when it ends.
 
     Raises
     ------
     StoppedError
-        Where a stop was requested; jobs that have not begun are cancelled.
+        If a stop was requested; jobs that have not begun are cancelled.
     LinkError
-        Where the scheduler is gone, or has dropped the jobs; workers finish their current jobs.
+        If the scheduler is gone, or has dropped the jobs; workers finish their current jobs.
     """
     from distributed import as_completed
 
@@ -213,9 +215,9 @@ def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tu
 
 
 def _outcome_of(future: Any, status: str, job: Job) -> JobOutcome | None:
-    """How a job ended whose future has this status; None where a scheduler gave it up whose workers died, not of it.
+    """Return the outcome of a job by its future's status; None if the job did not cause the deaths of its workers.
 
-    Raises `OSError` or `CancelledError` where the scheduler is gone.
+    Raises `OSError` or `CancelledError` if the scheduler is gone.
     """
     from distributed.scheduler import KilledWorker
 
@@ -234,7 +236,7 @@ def _outcome_of(future: Any, status: str, job: Job) -> JobOutcome | None:
 
 
 def _starts(job: Job) -> int:
-    """Return how many workers died of a job; the maximum where that is unknown."""
+    """Return the number of workers that the job killed; the maximum if it is unknown."""
     try:
         return len(starts_of(job))
     except BenchError:
@@ -243,7 +245,7 @@ def _starts(job: Job) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """Where a fleet runs and where its results land; None: processes on this machine, and next to each recording."""
+    """Where a fleet runs and stores results; by default processes on this machine, and next to each recording."""
 
     scheduler: str | None = None
     workers: int | None = None
@@ -265,7 +267,7 @@ def run_fleet(
     Raises
     ------
     UsageError
-        Where dask is not installed, or no scheduler answers.
+        If dask is not installed, or no scheduler answers.
     """
     run = uuid.uuid4().hex
     jobs = [
@@ -301,7 +303,7 @@ def run_fleet(
         except LinkError as err:
             say(str(err))
         except StoppedError:
-            if settings.scheduler is None:  # its workers are dead; others' finish what they are at
+            if settings.scheduler is None:  # our workers are dead; those of other clusters finish their current jobs
                 for job in to_do:
                     job.place.end()
     members = tuple(
@@ -311,7 +313,7 @@ def run_fleet(
 
 
 def _member(job: Job, outcome: JobOutcome, out: str | None) -> Member:
-    """A recording of the fleet with what is stated of it: by this verb, and before by the others."""
+    """Return a recording of the fleet with the results of this verb and earlier results of the others."""
     records: dict[FleetVerb, JobRecord] = {}
     for verb in VERBS:
         place = place_of(job.recording, verb, out)
@@ -332,7 +334,7 @@ def _member(job: Job, outcome: JobOutcome, out: str | None) -> Member:
 
 
 def _still_true(place: Place, verb: FleetVerb, recording: Located) -> JobRecord | None:
-    """What another verb stated of a recording that has not changed since."""
+    """Return another verb's record of a recording that has not changed since."""
     try:
         record = record_at(place, verb)
     except BenchError:

@@ -1,4 +1,4 @@
-"""A job: one verb on one recording; and its record next to the results, so that it is not done twice."""
+"""A job, that is, one verb on one recording; and its record next to the results, so that it is not repeated."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from benchctl.fleet.places import Place
 from benchctl.reports.fleet_stated import DOCUMENTS, FleetVerb, Stated
 from benchctl_instruments.errors import BenchError
 
-if TYPE_CHECKING:  # whoever hands jobs out does no arithmetic
+if TYPE_CHECKING:  # the client process does no arithmetic
     from benchctl.diagnosis.result import Part
     from benchctl.metrology.limit_file import Limits
 
@@ -49,7 +49,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """One verb on one recording. `run` names the run of the fleet that it is part of; `again`: whatever was done."""
+    """One verb on one recording. `run` identifies the run of the fleet; `again`: repeat the job even if it was done."""
 
     verb: FleetVerb
     recording: Located
@@ -61,10 +61,10 @@ class Job:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobRecord:
-    """The record next to the results: the job, the version and run of the fleet that did it, and its result.
+    """The record next to the results: the job, the version and run of the fleet, and its result.
 
-    `sha256` is over the recording's files, `files` are the results' names and `document_sha256` is of the one for
-    programs: results that were replaced since are not this job's any more.
+    `sha256` is over the recording's files, `files` are the results' names and `document_sha256` belongs to the JSON
+    document, so that results replaced later are not attributed to this job.
     """
 
     schema: Schema
@@ -82,13 +82,13 @@ class JobRecord:
     stated: Stated
 
     def as_bytes(self) -> bytes:
-        """The file's content."""
+        """Return the content of the file."""
         return (json.dumps(asdict(self), indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobOutcome:
-    """How a job ended: `done`, `kept` (done before, and nothing changed) or `failed`, and then why, in one line."""
+    """The outcome of a job: `done`, `kept` (done before and unchanged) or `failed`, with the reason in one line."""
 
     state: Literal["done", "kept", "failed"]
     record: JobRecord | None = None
@@ -96,12 +96,12 @@ class JobOutcome:
 
 
 def record_name(verb: FleetVerb) -> str:
-    """The name of a job's record; hidden, so that a campaign's manifest does not count it."""
+    """Return the name of a job's record; it is hidden, so that a campaign's manifest does not include it."""
     return f".benchctl-fleet-{verb}.json"
 
 
 def record_at(place: Place, verb: FleetVerb) -> JobRecord | None:
-    """The record at a place whose results are still there as they were written; None where there is none."""
+    """Return the record at a place if its results are still there unchanged; None otherwise."""
     content = place.read(record_name(verb))
     if content is None:
         return None
@@ -116,7 +116,7 @@ def record_at(place: Place, verb: FleetVerb) -> JobRecord | None:
 
 
 def earlier(job: Job) -> JobRecord | None:
-    """The record of the same job by the same version, whatever became of the recording since."""
+    """Return the record of the same job by the same version, even if the recording has changed since."""
     record = None if job.again else record_at(job.place, job.verb)
     if record is None or record.version != benchctl.__version__ or record.options != job.options.relevant(job.verb):
         return None
@@ -124,7 +124,7 @@ def earlier(job: Job) -> JobRecord | None:
 
 
 def kept(job: Job) -> JobOutcome | None:
-    """Return the outcome of a job that is up to date by the recording's stamp; None where it may have to be done."""
+    """Return the outcome of a job that is up to date by the recording's stamp; None if it may have to be done."""
     try:
         record = earlier(job)
     except BenchError:  # the worker meets the same error and reports it

@@ -22,15 +22,15 @@ from benchctl_instruments.errors import UsageError, in_line, reason
 Kind = Literal["file", "campaign", "open"]
 
 _MARKS: dict[str, Kind] = {RECORDING: "campaign", CAMPAIGN: "campaign", OPEN_DESCRIPTION: "open"}
-"""The files that make a folder a recording, and of which kind; the first one that is there decides."""
+"""The files that make a folder a recording, with the kind; the first one present decides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Located:
     """A recording: an absolute path or a URL. `size` is in bytes.
 
-    `stamp` is what its files' directory entries say (name, size, time of change): where that is the same, so is the
-    recording; where it is not, or there is none, the content may be the same all the same.
+    `stamp` contains name, size and modification time of its files. Equal stamps mean an unchanged recording; with
+    different or missing stamps the content may still be the same.
     """
 
     where: str
@@ -45,24 +45,24 @@ class Located:
 
     @property
     def name(self) -> str:
-        """Its name without its way, and without the suffix that all recordings have."""
+        """Its name without the path, and without the suffix of recordings."""
         return self.where.partition("::")[0].rpartition("/")[2].removesuffix(FINISHED_SUFFIX)
 
 
 def is_url(text: str) -> bool:
-    """Whether a text is a URL, and not a path."""
+    """Return whether a text is a URL, not a path."""
     return "://" in text
 
 
 def located(globs: Sequence[str]) -> tuple[list[Located], list[str]]:
-    """The recordings that paths, patterns and URLs name, each once, sorted; and paths and URLs that name none.
+    """Find the recordings that paths, patterns and URLs name, sorted without duplicates; and those that name none.
 
-    Of a campaign's folder the files in it are not recordings by themselves. What else a pattern matches is left out.
+    Files in a campaign's folder are not recordings of their own. Other matches of a pattern are left out.
 
     Raises
     ------
     UsageError
-        Where one of them matches nothing, or none of the matches is a recording.
+        If one of them matches nothing, or none of the matches is a recording.
     """
     found: dict[str, Located] = {}
     others: list[str] = []
@@ -83,13 +83,13 @@ def located(globs: Sequence[str]) -> tuple[list[Located], list[str]]:
 
 
 def kind_of(names: Iterable[str]) -> Kind | None:
-    """Which kind of recording a folder is that holds files of these names; None for none."""
+    """Return the kind of recording of a folder that contains these files; None if it is not one."""
     there = set(names)
     return next((kind for mark, kind in _MARKS.items() if mark in there), None)
 
 
 def owner_of(way: Sequence[str]) -> int:
-    """How many parts of a file's way name the recording that it belongs to; 0 where it is part of none by its name.
+    """Return how many parts of a file's path name the recording that it belongs to; 0 if there is none.
 
     >>> owner_of(("lab", "SN-17", "recording.h5")), owner_of(("lab", "a.h5")), owner_of(("lab", "SN-17", "README.md"))
     (2, 2, 0)
@@ -129,7 +129,7 @@ def _located(path: Path) -> Located | None:
 
 
 def files_of(path: Path, kind: Kind) -> list[Path]:
-    """The files that a local recording consists of."""
+    """Return the files that a local recording consists of."""
     if kind == "file":
         return [path]
     if kind == "open":
@@ -151,14 +151,14 @@ def _stamp(files: Iterable[Path], folder: Path) -> tuple[str, ...]:
 _VERSIONS = ("ETag", "etag", "md5Hash", "version_id", "CRC")
 _CHANGES = ("mtime", "LastModified", "last_modified", "updated", "modified")
 _TOLD_BY = (*_VERSIONS, *_CHANGES)
-"""What filesystems call a file's version, sum or time of change; the first that one knows is part of the stamp."""
+"""Names that filesystems use for a file's version, checksum or modification time; the first present one is used."""
 
 Info = Mapping[str, Any]
 
 
 @contextmanager
 def remote_errors(url: str) -> Iterator[None]:
-    """Turn what a filesystem refuses, in whatever way, into a `UsageError` that names the URL."""
+    """Convert all errors of a filesystem to a `UsageError` that names the URL."""
     try:
         yield
     except UsageError:
@@ -173,7 +173,7 @@ def remote_errors(url: str) -> Iterator[None]:
 
 
 def filesystem(url: str) -> tuple[Any, str]:
-    """The filesystem of a URL, and the path on it; call it within `remote_errors`."""
+    """Return the filesystem of a URL, and the path on it; call it within `remote_errors`."""
     try:
         from fsspec.core import url_to_fs
     except ImportError as err:
@@ -185,7 +185,7 @@ def filesystem(url: str) -> tuple[Any, str]:
 def remote_matches(url: str) -> Iterator[tuple[str, Located | None]]:
     """Yield the matches of a URL, which may be a pattern, each with its recording; None where it is none.
 
-    Raises `UsageError` where it matches nothing or cannot be looked at.
+    Raises `UsageError` if it matches nothing or cannot be read.
     """
     with remote_errors(url):
         system, pattern = filesystem(url)
@@ -203,12 +203,12 @@ def remote_matches(url: str) -> Iterator[tuple[str, Located | None]]:
 
 
 def _absolute(archive: str) -> str:
-    """An archive's URL, or its path as workers need it, whose current folder is another."""
+    """Return an archive's URL, or its absolute path for workers, whose current folder differs."""
     return archive if "://" in archive else f"file://{os.path.abspath(archive)}"
 
 
 def fetch(recording: Located, folder: Path) -> Path:
-    """Fetch a recording into a folder; where it is there. Raises `UsageError` where that fails."""
+    """Fetch a recording into a folder and return its path. Raises `UsageError` if that fails."""
     with remote_errors(recording.where):
         system, path = filesystem(recording.where)
         place = folder / path.rstrip("/").rpartition("/")[2]
@@ -235,7 +235,7 @@ def _remote_located(system: Any, path: str, info: Info) -> Located | None:
 
 
 def _files(system: Any, path: str, kind: Kind) -> dict[str, Info]:
-    """The files of a recording that is a folder, by their paths; of a complete campaign only the recording itself."""
+    """Return the files of a recording that is a folder, by path; of a complete campaign only the recording itself."""
     complete = f"{path.rstrip('/')}/{RECORDING}"
     if kind == "campaign" and system.exists(complete):
         return {complete: system.info(complete)}
@@ -254,5 +254,5 @@ def _of_files(system: Any, path: str, kind: Kind, files: Mapping[str, Info]) -> 
 
 
 def _version(info: Info) -> str:
-    """Return what distinguishes versions of a file; empty where its filesystem has nothing."""
+    """Return the version of a file; empty if its filesystem has none."""
     return next((str(info[name]) for name in _TOLD_BY if info.get(name) is not None), "")

@@ -1,7 +1,7 @@
 """Store the results on a recording atomically: in a folder, local or at a URL.
 
 A new folder is filled under another name and renamed. In an existing one (a campaign's, or that of earlier results,
-which may have people's notes) the files are renamed into place one by one: the job's record is removed first and
+which may contain users' notes) the files are renamed into place one by one: the job's record is removed first and
 written last, so that an incomplete set of results is never taken for a complete one.
 """
 
@@ -24,28 +24,28 @@ from benchctl.reports.fleet_stated import FleetVerb
 from benchctl_instruments.errors import UsageError
 
 KINDS: Mapping[FleetVerb, str] = {"fit": "fit", "diagnose": "diagnosis", "accept": "acceptance"}
-"""What the folders of results are called by, as those of the single verbs are."""
+"""Suffixes of the folders of results, the same as those of the single verbs."""
 
 
 @dataclass(frozen=True, slots=True)
 class LocalPlace:
-    """A folder of results on a disk that all workers share, which may not be there yet.
+    """A folder of results on a disk that all workers share; it may not exist yet.
 
-    The note at `note` names its workers while they work on it. All methods raise `UsageError` where the disk, or the
-    filesystem of a URL, refuses.
+    The file `note` lists the workers that are writing to it. All methods raise `UsageError` on errors of the disk or of
+    the filesystem of a URL.
     """
 
     where: str
     note: str
 
     def read(self, name: str) -> bytes | None:
-        """A file's content; None where it is not there."""
+        """Return a file's content; None if it does not exist."""
         path = Path(self.where) / name
         with disk_errors(path):
             return path.read_bytes() if path.is_file() else None
 
     def names(self) -> set[str]:
-        """The files that are there."""
+        """Return the names of the existing files."""
         folder = Path(self.where)
         with disk_errors(folder):
             return {path.name for path in folder.iterdir()} if folder.is_dir() else set()
@@ -56,9 +56,9 @@ class LocalPlace:
             temporary.write_bytes(content)
 
     def land(self, folder: Path, record: str, stale: set[str]) -> None:
-        """Take all files of a local folder over, `record` last; `stale` are earlier ones to be removed.
+        """Store all files of a local folder here, `record` last; `stale` are earlier files to be removed.
 
-        Those in a campaign's folder are entered into its manifest.
+        Those in a campaign's folder are added to its manifest.
         """
         place = Path(self.where)
         with disk_errors(place):
@@ -74,26 +74,26 @@ class LocalPlace:
         add_to_manifest(place, [place / name for name in names])
 
     def begun(self) -> str:
-        """The note; empty where there is none."""
+        """Return the note; empty if there is none."""
         with disk_errors(Path(self.note)):
             return Path(self.note).read_text(encoding="utf-8") if Path(self.note).is_file() else ""
 
     def begin(self, note: str) -> None:
-        """Leave the note."""
+        """Write the note."""
         path = Path(self.note)
         with disk_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(note, encoding="utf-8")
 
     def end(self) -> None:
-        """Take the note away."""
-        with suppress(OSError):  # a note that stays does no harm: it names a run that has ended
+        """Remove the note."""
+        with suppress(OSError):  # a remaining note does no harm: it names a run that has ended
             Path(self.note).unlink()
 
 
 @dataclass(frozen=True, slots=True)
 class RemotePlace:
-    """A folder at a URL. Its files are put one by one, the record last."""
+    """A folder at a URL. Its files are written one by one, the record last."""
 
     where: str
 
@@ -153,12 +153,12 @@ _ABANDONED_S = 600.0
 
 
 def place_of(recording: Located, verb: FleetVerb, out: str | None) -> Place:
-    """Where the results of a verb on a recording land.
+    """Return the place of the results of a verb on a recording.
 
-    Those on a local campaign in its folder, as by the single verb; on any other recording, and whatever is fetched, in
-    a folder next to it: NAME.fit, NAME.diagnosis or NAME.acceptance. Of an open recording NAME.open.fit, as
-    the file that it was imported into may lie next to it. With `out`, a folder or a URL, there, each in a folder
-    named also by a digest of where the recording is, so that two of one name do not meet.
+    Results on a local campaign are in its folder, as with the single verb; those on any other recording, and on fetched
+    ones, are in a folder next to it: NAME.fit, NAME.diagnosis or NAME.acceptance. An open recording has NAME.open.fit,
+    because the file that it was imported into may be next to it. With `out`, a folder or a URL, they are there, each in
+    a folder whose name contains a digest of the recording's path, so that two with the same name do not collide.
     """
     name = f"{recording.name}.open" if recording.kind == "open" else recording.name
     if out is not None:
@@ -181,7 +181,7 @@ def _own(where: str) -> Place:
 
 
 def _renamed_into_place(folder: Path, place: Path) -> bool:
-    """Copy a folder to another disk, maybe, and rename it there; False where another fleet's came there first."""
+    """Copy a folder next to `place`, if necessary to another disk, and rename it; False if `place` already exists."""
     place.parent.mkdir(parents=True, exist_ok=True)
     _clear_left(place)
     temporary = place.with_name(f".{place.name}.{uuid.uuid4().hex}.tmp")
@@ -202,7 +202,7 @@ def _renamed_into_place(folder: Path, place: Path) -> bool:
 
 
 def _clear_left(place: Path) -> None:
-    """Clear away what workers that were killed left half-copied, so long ago that none can be at it still."""
+    """Remove incomplete copies of killed workers that are too old to be in use."""
     for path in place.parent.glob(f".{glob.escape(place.name)}.*.tmp"):
         with suppress(OSError):
             if time.time() - path.stat().st_mtime > _ABANDONED_S:

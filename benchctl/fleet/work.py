@@ -1,4 +1,4 @@
-"""Do one job in a worker: run the verb on its recording and store the results; report errors in one line."""
+"""Run one job in a worker: apply the verb to its recording and store the results; report errors in one line."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from benchctl.reports.fleet_stated import DOCUMENTS, FleetVerb, stated_in
 from benchctl_instruments.errors import BenchError, in_line, reason
 
 MOST_STARTS = 2
-"""Workers that a job may kill before it is taken for what kills them."""
+"""Number of workers that a job may kill before it is considered the cause."""
 
 _one_at_a_time = threading.Lock()
-"""HDF5 and the drawing of figures are not for several threads; workers are processes."""
+"""HDF5 and the drawing of figures are not thread-safe; workers are processes."""
 
 
 def work(job: Job, version: str) -> JobOutcome:
-    """Do a job of a fleet that `version` of benchctl runs, unless it is found to be done."""
+    """Run a job of a fleet that uses benchctl `version`, unless it is already done."""
     with _one_at_a_time:
         try:
             if version != benchctl.__version__:
@@ -54,7 +54,7 @@ def _failed(reason: str) -> JobOutcome:
 
 def _unless_done(job: Job) -> JobOutcome:
     there = record_at(job.place, job.verb)
-    if there is not None and there.run == job.run:  # its worker died before it could say so
+    if there is not None and there.run == job.run:  # its worker died before it reported the result
         return JobOutcome(state="done", record=there)
     before = starts_of(job)
     if len(before) >= MOST_STARTS:
@@ -67,7 +67,7 @@ def _unless_done(job: Job) -> JobOutcome:
         path = fetch(job.recording, Path(scratch)) if job.recording.remote else Path(job.recording.where)
         digest = _digest(path, job)
         record = earlier(job)
-        if record is not None and record.sha256 == digest:  # only touched or copied: remembered for the next time
+        if record is not None and record.sha256 == digest:  # only touched or copied: record this for the next time
             record = replace(record, stamp=job.recording.stamp)
             job.place.put(record_name(job.verb), record.as_bytes())
             return JobOutcome(state="kept", record=record)
@@ -75,7 +75,7 @@ def _unless_done(job: Job) -> JobOutcome:
 
 
 def _done(job: Job, path: Path, digest: str, folder: Path, stale: set[str]) -> JobOutcome:
-    """The results, made in a folder and landed; `stale` are files of earlier ones."""
+    """Create the results in a folder and store them; `stale` are files of earlier ones."""
     folder.mkdir()
     unit = do_verb(job.verb, job.recording, path, job.options, folder)
     record = JobRecord(
@@ -99,17 +99,17 @@ def _done(job: Job, path: Path, digest: str, folder: Path, stale: set[str]) -> J
 
 
 def starts_of(job: Job) -> list[str]:
-    """A line for each worker of this run that began a job and did not end it: run, host and process.
+    """Return a line for each worker of this run that began a job and did not end it: run, host and process.
 
-    A worker that is killed leaves its line behind: so the next one knows, whatever the cluster's scheduler counts.
-    Raises `UsageError` where the job's place cannot be read.
+    A worker that is killed leaves its line behind for the next one, independent of the cluster's scheduler. Raises
+    `UsageError` if the job's place cannot be read.
     """
     return [line for line in job.place.begun().splitlines() if line.startswith(f"{job.run} ")]
 
 
 @contextmanager
 def _noted(job: Job) -> Iterator[None]:
-    """Leave a line as long as a job is worked on, below those that another fleet may have there."""
+    """Add a line to the note while a job is in progress, below those of other fleets."""
     job.place.begin("\n".join([*job.place.begun().splitlines(), f"{job.run} {socket.gethostname()} {os.getpid()}"]))
     try:
         yield
@@ -118,7 +118,7 @@ def _noted(job: Job) -> Iterator[None]:
 
 
 def _digest(path: Path, job: Job) -> str:
-    """SHA-256 over the files of a recording: names and contents."""
+    """Return the SHA-256 over the files of a recording: names and contents."""
     digest = hashlib.sha256()
     for file in files_of(path, job.recording.kind):
         with file.open("rb") as content:
@@ -127,7 +127,7 @@ def _digest(path: Path, job: Job) -> str:
 
 
 def _scratch() -> str | None:
-    """The worker's own folder, which its cluster clears away even after a kill; None for the system's."""
+    """Return the worker's own folder, which its cluster removes even after a kill; None for the system's."""
     from distributed import get_worker
 
     try:
@@ -138,9 +138,9 @@ def _scratch() -> str | None:
 
 
 def do_verb(verb: FleetVerb, recording: Located, path: Path, options: Options, folder: Path) -> Unit:
-    """Do a verb on a recording, at `path`, which is not where it is if it was fetched; its unit.
+    """Apply a verb to a recording, whose local copy is at `path`, and return its unit.
 
-    Raises `UsageError` where the single verb does.
+    Raises `UsageError` if the single verb does.
     """
     _DOES[verb](recording, path, options, folder)
     with open_recording(path) as opened:
@@ -148,17 +148,17 @@ def do_verb(verb: FleetVerb, recording: Located, path: Path, options: Options, f
 
 
 def _fit(recording: Located, path: Path, _: Options, folder: Path) -> None:
-    from benchctl.reports.fitting import calibrated
+    from benchctl.app.fit import calibrated
 
     found = calibrated([path])
-    if recording.remote:  # it is not to be looked for in a scratch folder
+    if recording.remote:  # the scratch folder must not appear as its source
         (source,) = found.content["source"]
         found = replace(found, content={**found.content, "source": [{**source, "recording": recording.where}]})
     found.write(folder)
 
 
 def _diagnose(_: Located, path: Path, options: Options, folder: Path) -> None:
-    from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
+    from benchctl.app.diagnose import diagnose_recordings, write_diagnosed
 
     refuse_changed(path, "diagnosed")
     model = None
@@ -171,7 +171,7 @@ def _diagnose(_: Located, path: Path, options: Options, folder: Path) -> None:
 
 
 def _accept(recording: Located, path: Path, options: Options, folder: Path) -> None:
-    from benchctl.reports.accepting import accept_recording
+    from benchctl.app.accept import accept_recording
 
     assert options.limits is not None  # noqa: S101 - `benchctl.cli.fleet` requires them
     found = accept_recording(path, options.limits)

@@ -1,1 +1,1 @@
-"""Units over time: campaigns in a folder or an archive, indexed, charted and held against each other."""
+"""Units over time: campaigns in a folder or an archive, indexed, charted and compared."""

@@ -1,8 +1,8 @@
-"""An archive of campaigns: its recordings and documents unpacked into a temporary folder, as far as it deserves it.
+"""Unpack the recordings and documents of an archive of campaigns safely into a temporary folder.
 
-A zip or tar may say anything: paths that leave the folder, links to elsewhere, a terabyte in a kilobyte, a million
-names. Only regular members that are recordings or documents are unpacked, by their contents, never by their claims,
-and no more than the archive's own size can stand for.
+A zip or tar may contain paths outside the folder, links, a terabyte in a kilobyte, or a million names. Only regular
+members that are recordings or documents are unpacked, by their contents and not by their headers, and not more than the
+archive's own size allows.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from benchctl.limits import FREE_BYTES, MOST_DESCRIPTION_BYTES, MOST_TEXT_INFLAT
 from benchctl_instruments.errors import UsageError, in_line, reason
 
 _MOST_MEMBERS = 1 << 17
-"""Names in an archive: ten thousand campaigns, each with all that lies beside it."""
+"""Maximum number of names in an archive: ten thousand campaigns with their accompanying files."""
 _PIECE = 1 << 20
 _DRIVE = re.compile(r"[A-Za-z]:")
 _DAMAGE = (
     *(zipfile.BadZipFile, tarfile.TarError, EOFError, zlib.error, lzma.LZMAError, struct.error),
     *(ValueError, RuntimeError, NotImplementedError, OSError),
 )
-"""What the standard library raises of archives that are damaged, encrypted, or packed as it cannot unpack."""
+"""Exceptions of the standard library for archives that are damaged, encrypted, or packed by an unsupported method."""
 
 
 @contextmanager
 def unpacked(path: Path) -> Iterator[Path]:
-    """The recordings and documents of a .zip, .tar or .tar.gz in a temporary folder, which goes with the block.
+    """Unpack a .zip, .tar or .tar.gz to a temporary folder, which is removed at the end of the block.
 
     Raises
     ------
     UsageError
-        Where it is no archive, is damaged, holds a path that is absolute or goes up, a link in place of a recording,
-        a name twice, or unpacks to more than its size or the disk allows.
+        If it is not an archive, is damaged, contains an absolute path, a path with `..`, a link in place of a
+        recording, or a duplicate name, or unpacks to more than its size or the disk allows.
     """
     with tempfile.TemporaryDirectory(prefix="benchctl-history-") as name:
         folder = Path(name)
@@ -62,7 +62,7 @@ def unpacked(path: Path) -> Iterator[Path]:
 
 
 class _Budget:
-    """Bytes that may still be unpacked."""
+    """The number of bytes that may still be unpacked."""
 
     def __init__(self, path: Path, most: int) -> None:
         self._path, self._most, self._left = path, most, most
@@ -72,7 +72,7 @@ class _Budget:
         self.require(0)
 
     def require(self, count: int) -> None:
-        """Raise `UsageError` where `count` bytes are not left."""
+        """Raise `UsageError` if fewer than `count` bytes remain."""
         if count > self._left:
             raise UsageError(
                 f"{self._path}: unpacks to more than {self._most / 1e6:.0f} MB, which its size or the disk for "
@@ -81,7 +81,7 @@ class _Budget:
 
 
 class _Sequential(io.RawIOBase):
-    """A tar, packed or not, read once from front to back and in small pieces, whatever its headers claim."""
+    """A tar, compressed or not, read once in order and in small pieces, whatever its headers claim."""
 
     def __init__(self, file: IO[bytes], budget: _Budget) -> None:
         self._file, self._budget = file, budget
@@ -105,7 +105,7 @@ class _Sequential(io.RawIOBase):
 
 
 class _Archive(io.BufferedReader):
-    """An archive; the list of a zip's members, which is read and kept as a whole, is not larger than it need be."""
+    """An archive that limits the size of a zip's member list, which is read into memory completely."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > MOST_DESCRIPTION_BYTES:
@@ -154,7 +154,7 @@ def _unpack_tar(file: IO[bytes], folder: Path, budget: _Budget) -> None:
 
 
 def _target(folder: Path, name: str, count: int) -> Path | None:
-    """Where a member goes; None for one that nobody wants. ValueError for a path that has no business in an archive."""
+    """Return a member's target; None if it is not needed. Raises ValueError for an unsafe path."""
     if count >= _MOST_MEMBERS:
         raise ValueError(f"it has more than {_MOST_MEMBERS} members")
     parts = PurePosixPath(name).parts
@@ -164,7 +164,7 @@ def _target(folder: Path, name: str, count: int) -> Path | None:
 
 
 def _copy(content: IO[bytes], target: Path, budget: _Budget | None) -> None:
-    """Write a member's bytes; `budget` is None where reading them takes from it already."""
+    """Write a member's bytes; `budget` is None if reading them already reduces it."""
     target.parent.mkdir(parents=True, exist_ok=True)
     if target.exists():
         raise ValueError(f"it holds {shown(target.name)} twice in one place")

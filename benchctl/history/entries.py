@@ -1,4 +1,4 @@
-"""Recordings and documents read for the index: descriptions only, no samples, and nothing is believed."""
+"""Read recordings and documents for the index: only descriptions, no samples; all contents are validated."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from benchctl_instruments.errors import UsageError
 ACCEPTANCE = "benchctl-acceptance/1"
 _LEVELS = ("raw", "stage_1", "stage_2", "joint")
 _OF_THE_BENCH = "encoder_"
-"""Begins the names of parameters that belong to the bench and not to the unit."""
+"""Prefix of parameters that belong to the bench and not to the unit."""
 _LONGEST = 120
 _MOST_FIGURES = 10_000
 _SMALLEST, _LARGEST = 1e-100, 1e100
-"""Sizes of values; what is smaller is zero. Their squares and differences are ordinary numbers."""
+"""Range of values; smaller ones are zero. Their squares and differences are ordinary numbers."""
 
 
 def read_campaign(path: Path, key: str) -> Campaign:
-    """What the root of a recording says; `UsageError` where it cannot be read, or does not say when it was made."""
+    """Read a recording's root attributes; `UsageError` if they are unreadable or without the time of recording."""
     with open_ours(path) as file:
         try:
             meta, digest = read_meta(file), attribute(file, "digest", "")
@@ -49,12 +49,12 @@ def read_campaign(path: Path, key: str) -> Campaign:
 
 
 def read_document(path: Path, source: Source) -> Document:
-    """The figures that a file states; `UsageError` where it is none of ours, or not as it should be."""
+    """Read the figures that a file states; `UsageError` if it is not a benchctl file or malformed."""
     return _coefficients(path) if source == "coefficients" else _acceptance(path)
 
 
 def _parameters(text: str) -> str:
-    """The parameters of a procedure in one spelling; empty where the text is not a table in JSON."""
+    """Return the parameters of a procedure in normalized JSON; empty if the text is not a JSON object."""
     try:
         found = json.loads(text)
     except ValueError:
@@ -63,7 +63,7 @@ def _parameters(text: str) -> str:
 
 
 def words(text: object) -> str:
-    """A text as it is shown, in a terminal too: without control characters, not longer than a line."""
+    """Return a text for display, also in a terminal: without control characters, not longer than a line."""
     return cut("".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in str(text)), _LONGEST)
 
 
@@ -112,7 +112,7 @@ def _acceptance(path: Path) -> Document:
 
 
 def _tested(test: Mapping[str, Any], value: float, *, repeated: bool) -> Figure:
-    """A test; one that is done at several temperatures is a figure at each, to the nearest degree."""
+    """Return a test as a figure; one done at several temperatures is a figure at each, to the nearest degree."""
     celsius = _number(test, "temperature_c")
     at = f" at {round(celsius)} °C" if repeated and celsius is not None else ""
     limit = _table(test, "limit") or {}
@@ -132,14 +132,14 @@ def _tested(test: Mapping[str, Any], value: float, *, repeated: bool) -> Figure:
 
 
 def _limited(figures: list[Figure]) -> tuple[Figure, ...]:
-    """The figures, each name once: the first that has it."""
+    """Return the figures without duplicate names, keeping the first."""
     if len(figures) > _MOST_FIGURES:
         raise UsageError(f"states {len(figures)} figures, expected at most {_MOST_FIGURES}")
     return tuple({figure.name: figure for figure in reversed(figures)}.values())[::-1]
 
 
 def _moment(text: str) -> str:
-    """A moment in UTC to the second; without an offset it is in UTC already, as its name says."""
+    """Return a time in UTC to the second; a time without an offset is UTC."""
     if not text:
         raise UsageError("does not say when it was made (`started_utc`), as imported recordings may; it is not counted")
     try:
@@ -151,7 +151,7 @@ def _moment(text: str) -> str:
 
 
 def _number(table: Mapping[str, Any], name: str) -> float | None:
-    """A finite number, or None for null, NaN and nothing; `UsageError` for anything else."""
+    """Return a finite number, or None for null, NaN and a missing entry; `UsageError` for anything else."""
     value = table.get(name)
     if value is None:
         return None
@@ -165,7 +165,7 @@ def _number(table: Mapping[str, Any], name: str) -> float | None:
 
 
 def _table(content: Mapping[str, Any], *names: str) -> dict[str, Any] | None:
-    """A table in tables, or None where there is none; `UsageError` where it is anything else."""
+    """Return a nested table, or None if there is none; `UsageError` if it is anything else."""
     found: Any = content
     for name in names:
         found = found.get(name)

@@ -1,9 +1,9 @@
 """The history of the units in a folder: each figure over time, with its control limits, drift and flags.
 
 Files are checked against the manifest of their campaign's folder: documents by their SHA-256, recordings by their size
-and the digest of their root. What was altered does not count. Of several copies of a recording one that agrees with its
-manifest comes before one that has none. Where that does not decide and the copies state different figures, all samples
-of each are checked.
+and the digest of their root. Altered files are not counted. Of several copies of a recording, one that agrees with its
+manifest is preferred to one without a manifest. If that does not decide and the copies state different figures, all
+samples of each are checked.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from pathlib import Path, PurePosixPath
 from benchctl.history.entries import words
 from benchctl.history.flags import Control, Flag, Siblings, control_of, flags_of, siblings_of
 from benchctl.history.index import find, keep, opened, place_of, refresh
-from benchctl.history.series import SOURCES, Campaign, Drift, Point, Series, Source, drifts
+from benchctl.history.series import SOURCES, Campaign, Drift, FigureSeries, Point, Source, drifts
 from benchctl.limits import listed
 from benchctl.recordings.campaign_manifest import Integrity
-from benchctl.recordings.digests import Problem
+from benchctl.recordings.digests import Mismatch
 from benchctl.recordings.verify import refuse_changed
 from benchctl_instruments.errors import UsageError
 
 _ALTERED = "was altered since the manifest of its folder was written, and is not counted"
 
 
-def link(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[set[str], list[Problem]]:
-    """Write into the index the campaign of each document; the campaigns that count, and what does not count, and why.
+def link(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[set[str], list[Mismatch]]:
+    """Store the campaign of each document in the index; return the counted campaigns, and the problems with the others.
 
-    `places` are the files by their keys. A recording that is there several times counts once. Coefficients of several
-    recordings count for the first of them that is there. A document that names no digest belongs to the one recording
-    in its folder. Of two documents of one kind for one campaign one that agrees with its manifest counts, then that in
-    the campaign's own folder, then the first by path.
+    `places` are the files by their keys. Several copies of a recording count once. Coefficients from several recordings
+    count for the first one present. A document that names no digest belongs to the only recording in its folder. If two
+    documents of one kind belong to one campaign, one that agrees with its manifest counts, then the one in the
+    campaign's own folder, then the first by path.
     """
     _check_integrity(index)
     paths, problems = _originals(index, places)
@@ -50,12 +50,12 @@ def link(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[set[str
         if not digests and len(alone[folder]) == 1:
             there = alone[folder]
         if integrity == "altered":
-            problems.append(Problem(document, _ALTERED))
+            problems.append(Mismatch(document, _ALTERED))
         elif not there:
-            problems.append(Problem(document, "is of a recording that is not here as it was then, and not counted"))
+            problems.append(Mismatch(document, "is of a recording that is not here as it was then, and not counted"))
         elif (there[0], source) in taken:
-            says = f"is of {there[0]}, as is {taken[there[0], source]}, which counts"
-            problems.append(Problem(document, says))
+            message = f"is of {there[0]}, as is {taken[there[0], source]}, which counts"
+            problems.append(Mismatch(document, message))
         else:
             taken[there[0], source] = document
     campaigns = {document: campaign for (campaign, _), document in taken.items()}
@@ -70,7 +70,7 @@ def link(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[set[str
 
 
 def _check_integrity(index: sqlite3.Connection) -> None:
-    """Set the integrity of recordings and documents by what the manifests say of them."""
+    """Set the integrity of recordings and documents according to the manifests."""
     same = {"campaigns": "s.digest = t.digest AND s.bytes = f.size", "documents": "s.sha256 = t.sha256"}
     with index:
         for table, condition in same.items():
@@ -81,8 +81,8 @@ def _check_integrity(index: sqlite3.Connection) -> None:
             )
 
 
-def _originals(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[dict[str, str], list[Problem]]:
-    """The recording that counts for each digest, and why others do not."""
+def _originals(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[dict[str, str], list[Mismatch]]:
+    """Return the recording that counts for each digest, and the reasons why others do not."""
     copies: dict[str, list[tuple[str, Integrity]]] = defaultdict(list)
     rows = index.execute("SELECT path, digest, integrity FROM campaigns ORDER BY integrity = 'not verified', path")
     for path, digest, integrity in rows.fetchall():
@@ -90,28 +90,28 @@ def _originals(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[d
     stated = _stated(index)
     paths, problems = {}, []
     for digest, found in copies.items():
-        problems += [Problem(path, _ALTERED) for path, integrity in found if integrity == "altered"]
+        problems += [Mismatch(path, _ALTERED) for path, integrity in found if integrity == "altered"]
         usable = [(path, integrity) for path, integrity in found if integrity != "altered"]
         best = [path for path, integrity in usable if integrity == usable[0][1]]
         if len({stated[PurePosixPath(path).parent] for path in best}) > 1:
-            changed = {path: says for path in best if (says := _change_in(index, path, places[path]))}
-            problems += [Problem(path, says) for path, says in changed.items()]
+            changed = {path: problem for path in best if (problem := _change_in(index, path, places[path]))}
+            problems += [Mismatch(path, problem) for path, problem in changed.items()]
             usable = [one for one in usable if one[0] not in changed]
         if not usable:
             continue
         paths[digest] = first = usable[0][0]
         for path, integrity in usable[1:]:
-            says = f"is the same recording as {first}, and not counted again"
+            problem = f"is the same recording as {first}, and not counted again"
             if integrity != "verified":
-                says += "; it is not verified, for no manifest names it"
+                problem += "; it is not verified, for no manifest names it"
             elif stated[PurePosixPath(path).parent] != stated[PurePosixPath(first).parent]:
-                says += "; it states other figures, and nothing here shows which are right"
-            problems.append(Problem(path, says))
+                problem += "; it states other figures, and nothing here shows which are right"
+            problems.append(Mismatch(path, problem))
     return paths, problems
 
 
 def _stated(index: sqlite3.Connection) -> Mapping[PurePosixPath, frozenset[str]]:
-    """By folder the contents of the documents in it that were not altered."""
+    """Return the SHA-256 of the unaltered documents of each folder."""
     found: dict[PurePosixPath, frozenset[str]] = defaultdict(frozenset)
     for path, sha256 in index.execute("SELECT path, sha256 FROM documents WHERE integrity <> 'altered'"):
         found[PurePosixPath(path).parent] |= {sha256}
@@ -119,7 +119,7 @@ def _stated(index: sqlite3.Connection) -> Mapping[PurePosixPath, frozenset[str]]
 
 
 def _change_in(index: sqlite3.Connection, path: str, place: Path) -> str:
-    """What of a recording does not agree with its digests, in words; empty where all does. It is checked once."""
+    """Return a sentence on a recording's mismatch with its digests; empty if it agrees. The check is done once."""
     (known,) = index.execute("SELECT content FROM campaigns WHERE path = ?", (path,)).fetchone()
     if not known:
         try:
@@ -133,7 +133,7 @@ def _change_in(index: sqlite3.Connection, path: str, place: Path) -> str:
 
 
 def _best_first(index: sqlite3.Connection, paths: dict[str, str]) -> list[tuple[str, str, str, str]]:
-    """Path, source, digests and integrity of the documents: verified ones first, then those beside their recording."""
+    """Return path, source, digests and integrity of documents: verified first, then those next to their recording."""
 
     def order(row: tuple[str, str, str, str]) -> tuple[bool, bool]:
         homes = {PurePosixPath(paths[digest]).parent for digest in row[2].split() if digest in paths}
@@ -144,14 +144,14 @@ def _best_first(index: sqlite3.Connection, paths: dict[str, str]) -> list[tuple[
 
 
 _Kind = tuple[str, Source, str, str]
-"""What is compared: model, source, name and unit of a figure."""
+"""The key of a comparison: model, source, name and unit of a figure."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Charted:
-    """A series and what is said of it: control limits, drift since the last and the first calibration, siblings."""
+    """A series with its control limits, drift since the last and the first calibration, siblings and flags."""
 
-    series: Series
+    series: FigureSeries
     control: Control | None
     drift: Drift | None
     drift_since_first: Drift | None
@@ -161,9 +161,9 @@ class Charted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnitHistory:
-    """A unit: its campaigns in the order of time, the verdict of its last acceptance and when that was, its figures.
+    """A unit: its campaigns in the order of time, the verdict and time of its last acceptance, its figures.
 
-    `verdict` and `accepted_utc` are empty where the unit was never accepted or rejected.
+    `verdict` and `accepted_utc` are empty if the unit was never accepted or rejected.
     """
 
     serial: str
@@ -176,10 +176,10 @@ class UnitHistory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class History:
-    """All units, sorted by model and serial; what is not part of it; where the index is kept (None: nowhere)."""
+    """All units, sorted by model and serial; problems with files; the path of the index (None: not stored)."""
 
     units: tuple[UnitHistory, ...]
-    problems: tuple[Problem, ...]
+    problems: tuple[Mismatch, ...]
     index: Path | None
 
 
@@ -193,17 +193,17 @@ def history_of(
     all_parameters: bool = False,
     follow_links: bool = True,
 ) -> History:
-    """The history of a folder, by its index, which is brought up to date and, where `kept`, put back.
+    """Return the history of a folder from its index, which is updated and, if `kept`, stored.
 
-    The index is at `kept_at`, by default in the folder. `name` is what an error calls the folder; `say` hears of an
-    index that is damaged or cannot be put back, on which the history does not depend. Of a unit's runs of one procedure
-    those with other parameters than the latest are not charted or compared, unless `all_parameters`. Symbolic links in
-    the folder are followed only with `follow_links`.
+    The index is at `kept_at`, by default in the folder. `name` is the folder's name in errors; `say` is called with a
+    warning if an index is damaged or cannot be stored, which does not affect the history. Of a unit's runs of one
+    procedure, those with other parameters than the latest are not charted or compared, unless `all_parameters`.
+    Symbolic links in the folder are followed only with `follow_links`.
 
     Raises
     ------
     UsageError
-        Where there is no campaign in the folder.
+        If there is no campaign in the folder.
     """
     files, problems = find(folder, follow_links=follow_links)
     place = (kept_at or place_of(folder)) if kept else None
@@ -216,21 +216,21 @@ def history_of(
             except UsageError as err:
                 say(f"{err}; the index is not kept")
                 place = None
-        unread = [Problem(*row) for row in index.execute("SELECT key, problem FROM files WHERE problem <> ''")]
+        unread = [Mismatch(*row) for row in index.execute("SELECT key, problem FROM files WHERE problem <> ''")]
         problems = sorted([*problems, *unread, *unlinked], key=lambda problem: problem.where)
         if not counted:
             more = f", and {len(problems) - 1} more" if len(problems) > 1 else ""
             found = f" ({problems[0]}{more})" if problems else ""
             raise UsageError(f"{name}: holds no campaign: expected recordings (*.h5) in it or below{found}")
         index.row_factory = sqlite3.Row
-        unlike, left_out = (set[str](), list[Problem]()) if all_parameters else _unlike(index)
+        unlike, left_out = (set[str](), list[Mismatch]()) if all_parameters else _unlike(index)
         return History(units=_units(index, counted, unlike), problems=(*left_out, *problems), index=place)
 
 
-def _unlike(index: sqlite3.Connection) -> tuple[set[str], list[Problem]]:
-    """Find the campaigns with other parameters than their unit's latest of that procedure, by their paths.
+def _unlike(index: sqlite3.Connection) -> tuple[set[str], list[Mismatch]]:
+    """Return the paths of campaigns with other parameters than their unit's latest of that procedure.
 
-    Campaigns without figures are passed over. A sentence for each unit and procedure says how many there are, and why.
+    Campaigns without figures are ignored. A sentence per unit and procedure gives their number, and the reason.
     """
     runs: dict[tuple[str, str, str], list[tuple[str, dict[str, object]]]] = defaultdict(list)
     for row in index.execute(
@@ -246,11 +246,11 @@ def _unlike(index: sqlite3.Connection) -> tuple[set[str], list[Problem]]:
         if others:
             unlike |= {path for path, _ in others}
             names = {name for _, own in others for name in latest | own if latest.get(name) != own.get(name)}
-            says = (
+            message = (
                 f"{len(others)} of {len(found)} runs of {words(procedure)} have other parameters than the latest "
                 f"({words(listed(sorted(names)))}) and are not compared with it; --all-parameters compares them"
             )
-            problems.append(Problem(serial, says))
+            problems.append(Mismatch(serial, message))
     return unlike, problems
 
 
@@ -282,8 +282,8 @@ def _units(index: sqlite3.Connection, counted: set[str], unlike: set[str]) -> tu
     )
 
 
-def _series(index: sqlite3.Connection, unlike: set[str]) -> list[Series]:
-    """All series without the campaigns `unlike`: by source, and within it in the order in which figures are stated."""
+def _series(index: sqlite3.Connection, unlike: set[str]) -> list[FigureSeries]:
+    """Return all series without the campaigns `unlike`: by source, then in the order of their figures."""
     points: dict[tuple[str, str, Source, str, str], list[Point]] = defaultdict(list)
     calibrated = {
         row["campaign"] for row in index.execute("SELECT campaign FROM documents WHERE source = 'coefficients'")
@@ -305,7 +305,7 @@ def _series(index: sqlite3.Connection, unlike: set[str]) -> list[Series]:
             )
         )
     series = [
-        Series(serial=serial, model=model, source=source, name=name, unit=unit, points=tuple(found))
+        FigureSeries(serial=serial, model=model, source=source, name=name, unit=unit, points=tuple(found))
         for (serial, model, source, name, unit), found in points.items()
     ]
     return sorted(series, key=lambda one: SOURCES.index(one.source))
@@ -314,7 +314,7 @@ def _series(index: sqlite3.Connection, unlike: set[str]) -> list[Series]:
 _AS_STATED = ("value", "uncertainty", "temperature_c", "bound", "verdict", "low", "high", "integrity")
 
 
-def _charted(series: Sequence[Series]) -> list[Charted]:
+def _charted(series: Sequence[FigureSeries]) -> list[Charted]:
     siblings = _siblings(series)
     found = []
     for one in series:
@@ -335,8 +335,8 @@ def _charted(series: Sequence[Series]) -> list[Charted]:
     return found
 
 
-def _siblings(series: Sequence[Series]) -> Mapping[_Kind, Siblings]:
-    """What the units of each model that is stated have in common."""
+def _siblings(series: Sequence[FigureSeries]) -> Mapping[_Kind, Siblings]:
+    """Return the statistics of the units of each known model."""
     latest: dict[_Kind, list[float]] = defaultdict(list)
     for one in series:
         if one.model and not one.latest.bound:
@@ -344,5 +344,5 @@ def _siblings(series: Sequence[Series]) -> Mapping[_Kind, Siblings]:
     return {kind: found for kind, values in latest.items() if (found := siblings_of(values)) is not None}
 
 
-def _kind(series: Series) -> _Kind:
+def _kind(series: FigureSeries) -> _Kind:
     return series.model, series.source, series.name, series.unit

@@ -1,13 +1,13 @@
-"""The index: what is known of a folder's campaigns, in SQLite, so that only what has changed is read again.
+"""The index: a SQLite cache of the contents of a folder of campaigns, so that only changed files are read again.
 
-It is a cache and never more: each entry stands for a file of one size and time of change. It is worked on in memory
-and put back whole, in one move, so that of two processes at once each reads and leaves a whole index; the later one
-stays. A file that is damaged, of another version, or no index at all, is left aside and made anew.
+It is only a cache: each entry belongs to a file of one size and modification time. It is modified in memory and stored
+atomically, so that two processes at once each read and store a complete index; the later one remains. A file that is
+damaged, of another version, or not an index is ignored and replaced.
 
     files      key, size, mtime_ns, problem        key: path in the folder; problem: why it cannot be read, or empty
     campaigns  path, serial, model, procedure, started_utc, status, digest, parameters, integrity, content
     documents  path, source, verdict, digests, campaign, sha256, integrity
-    sealed     manifest, file, sha256, bytes, digest    what manifests say of the files
+    sealed     manifest, file, sha256, bytes, digest    entries of manifests
     figures    document, campaign, name, unit, value, uncertainty, temperature_c, bound, source, verdict, low, high
 
 `uncertainty` is expanded (95.45 %); `campaign` is null until the document's recording is found. `integrity` is set when
@@ -30,7 +30,7 @@ from benchctl.confined import walk
 from benchctl.history.entries import read_campaign, read_document, words
 from benchctl.history.series import SOURCES, Campaign, Document, Source
 from benchctl.recordings.campaign_manifest import MANIFEST, Entry, content_of, entries_of
-from benchctl.recordings.digests import Problem
+from benchctl.recordings.digests import Mismatch
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, RECORDING, STEPS, UNREADABLE
 from benchctl_instruments.errors import UsageError, reason
 
@@ -45,7 +45,7 @@ _KINDS: dict[str, Kind] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFile:
-    """A file as the folder shows it: `key` is its path in the folder, `kind` what it holds."""
+    """A file in the folder: `key` is its path relative to the folder, `kind` the type of its content."""
 
     key: str
     path: Path
@@ -55,21 +55,21 @@ class FoundFile:
 
 
 def is_wanted(name: str) -> bool:
-    """Whether a file of this name, without folders, is a recording, a manifest, or states figures of a recording."""
+    """Return whether a file name, without folders, is that of a recording, a manifest, or a document with figures."""
     return name in _KINDS or (name.endswith(FINISHED_SUFFIX) and name != CAMPAIGN and not name.startswith("."))
 
 
-def find(folder: Path, *, follow_links: bool = True) -> tuple[list[FoundFile], list[Problem]]:
-    """Recordings, documents and manifests anywhere below a folder, sorted by their paths; unfinished campaigns.
+def find(folder: Path, *, follow_links: bool = True) -> tuple[list[FoundFile], list[Mismatch]]:
+    """Return recordings, documents and manifests below a folder, sorted by path; and unfinished campaigns.
 
-    Hidden folders are left out; links are left out, too, or followed once.
+    Hidden folders are left out; links are left out as well, or followed once.
     """
     files: list[FoundFile] = []
-    problems: list[Problem] = []
+    problems: list[Mismatch] = []
     for place, names in _folders(folder, problems, follow_links=follow_links):
         if CAMPAIGN in names and RECORDING not in names:
-            says = "is not finished and not counted; benchctl recover closes the recording of a campaign that died"
-            problems.append(Problem(_key(place, folder), says))
+            message = "is not finished and not counted; benchctl recover closes the recording of a campaign that died"
+            problems.append(Mismatch(_key(place, folder), message))
         for name in filter(is_wanted, names):
             path = place / name
             if not follow_links and path.is_symlink():
@@ -77,7 +77,7 @@ def find(folder: Path, *, follow_links: bool = True) -> tuple[list[FoundFile], l
             try:
                 stat = path.stat(follow_symlinks=follow_links)
             except OSError as err:
-                problems.append(Problem(_key(path, folder), f"cannot be read: {reason(err)}"))
+                problems.append(Mismatch(_key(path, folder), f"cannot be read: {reason(err)}"))
                 continue
             files.append(
                 FoundFile(
@@ -91,28 +91,28 @@ def find(folder: Path, *, follow_links: bool = True) -> tuple[list[FoundFile], l
     return sorted(files, key=lambda file: file.key), problems
 
 
-def _folders(folder: Path, problems: list[Problem], *, follow_links: bool) -> Iterator[tuple[Path, list[str]]]:
-    """Every folder once, however it is linked, with the names of its files."""
+def _folders(folder: Path, problems: list[Mismatch], *, follow_links: bool) -> Iterator[tuple[Path, list[str]]]:
+    """Yield every folder once, however it is linked, with the names of its files."""
 
     def told(err: OSError) -> None:
-        problems.append(Problem(_key(Path(err.filename), folder), f"cannot be looked into: {reason(err)}"))
+        problems.append(Mismatch(_key(Path(err.filename), folder), f"cannot be looked into: {reason(err)}"))
 
-    seen: set[tuple[int, int]] = set()
+    visited: set[tuple[int, int]] = set()
     found = os.walk(folder, followlinks=True, onerror=told) if follow_links else walk(folder, told)
     for place, folders, names in found:
         stat = os.stat(place, follow_symlinks=follow_links)
-        # A file system without such numbers says 0: its folders have no links either.
-        if stat.st_ino and (stat.st_dev, stat.st_ino) in seen:
+        # A file system without such numbers returns 0: its folders have no links either.
+        if stat.st_ino and (stat.st_dev, stat.st_ino) in visited:
             folders.clear()
             continue
-        seen.add((stat.st_dev, stat.st_ino))
+        visited.add((stat.st_dev, stat.st_ino))
         inner = {STEPS, UNREADABLE} if CAMPAIGN in names or RECORDING in names else set()
         folders[:] = sorted(name for name in folders if not name.startswith(".") and name not in inner)
         yield Path(place), names
 
 
 def _key(path: Path, folder: Path) -> str:
-    """A path in the folder as text; bytes of a name that are no text are shown as such."""
+    """Return a path in the folder as text; undecodable bytes are escaped."""
     text = path.relative_to(folder).as_posix()
     return os.fsencode(text).decode("utf-8", "backslashreplace")
 
@@ -120,7 +120,7 @@ def _key(path: Path, folder: Path) -> str:
 NAME = ".benchctl-history.sqlite"
 VERSION = 3
 _MOST_BYTES = 256 << 20
-"""An index of a hundred thousand campaigns; it is held in memory."""
+"""Maximum size of an index, enough for a hundred thousand campaigns; it is held in memory."""
 
 _COLUMNS = {
     "files": "key text, size integer, mtime_ns integer, problem text",
@@ -131,7 +131,7 @@ _COLUMNS = {
     "figures": "document text, campaign text?, name text, unit text, value real, uncertainty real?, "
     "temperature_c real?, bound text, source text, verdict text, low real?, high real?",
 }
-"""The columns of each table and what stands in them; `?`: or null."""
+"""The columns of each table and their types; `?`: or null."""
 _CONSTRAINTS = {
     "files": "PRIMARY KEY (key)",
     "campaigns": "PRIMARY KEY (path), FOREIGN KEY (path) REFERENCES files ON DELETE CASCADE, "
@@ -144,7 +144,7 @@ _CONSTRAINTS = {
 
 
 def place_of(folder: Path) -> Path:
-    """Where a folder's index is: in it, or in the user's cache where the folder may not be written to."""
+    """Return the path of a folder's index: in it, or in the user's cache if the folder is not writable."""
     if os.access(folder, os.W_OK | os.X_OK):
         return folder / NAME
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -153,9 +153,9 @@ def place_of(folder: Path) -> Path:
 
 
 def opened(place: Path | None, say: Callable[[str], None]) -> sqlite3.Connection:
-    """The index in memory, to be closed by the caller: as it was kept, or empty; `say` hears why a damaged one is not.
+    """Load the index into memory, to be closed by the caller; replace a damaged one by an empty one and warn.
 
-    An index of another version is left aside without a word.
+    An index of another version is ignored without a warning.
     """
     index = _empty()
     if place is None or not place.exists():
@@ -163,12 +163,12 @@ def opened(place: Path | None, say: Callable[[str], None]) -> sqlite3.Connection
     try:
         if place.stat().st_size > _MOST_BYTES:
             raise ValueError(f"is larger than {_MOST_BYTES / 1e6:.0f} MB")
-        # Nobody writes to this file, it is only ever replaced: no locks, and no journal of a stranger's beside it.
+        # This file is only ever replaced, never modified: it needs no locks, and no journal belongs to it.
         with closing(sqlite3.connect(f"{place.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as kept:
             if _version(kept) != VERSION:
                 return index
             kept.backup(index)
-        # In memory: of a file that is only read SQLite 3.40 does not check the columns' types.
+        # In memory, because SQLite 3.40 does not check the columns' types of a read-only file.
         faults = [text for (text,) in index.execute("PRAGMA quick_check(1)")]
         with closing(_empty()) as empty:
             if faults != ["ok"] or _tables(index) != _tables(empty):
@@ -181,7 +181,7 @@ def opened(place: Path | None, say: Callable[[str], None]) -> sqlite3.Connection
 
 
 def keep(index: sqlite3.Connection, place: Path) -> None:
-    """Put the index back whole; `UsageError` where the disk refuses."""
+    """Store the index atomically; raises `UsageError` if it cannot be written."""
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
     except OSError as err:
@@ -191,16 +191,16 @@ def keep(index: sqlite3.Connection, place: Path) -> None:
 
 
 def refresh(index: sqlite3.Connection, files: Iterable[FoundFile]) -> bool:
-    """Forget files that are gone or have changed, read those that are new; whether anything changed.
+    """Remove missing or changed files from the index and read new ones; return whether anything changed.
 
-    What could not be read is tried again each time: permissions change without a trace in size and time.
+    Unreadable files are tried again each time, because a change of permissions changes neither size nor time.
     """
     now = {file.key: file for file in files}
     known = {
         key: (size, mtime_ns, problem)
         for key, size, mtime_ns, problem in index.execute("SELECT key, size, mtime_ns, problem FROM files")
     }
-    stale = [key for key, told in known.items() if key not in now or told != (now[key].size, now[key].mtime_ns, "")]
+    stale = [key for key, state in known.items() if key not in now or state != (now[key].size, now[key].mtime_ns, "")]
     with index:
         index.executemany("DELETE FROM files WHERE key = ?", [(key,) for key in stale])
         for key in sorted(now.keys() - (known.keys() - set(stale))):
@@ -209,7 +209,7 @@ def refresh(index: sqlite3.Connection, files: Iterable[FoundFile]) -> bool:
 
 
 def _add(index: sqlite3.Connection, file: FoundFile) -> None:
-    """Read a file into the index, or the reason why it cannot be."""
+    """Add a file to the index, or the reason why it cannot be read."""
     add_file = "INSERT INTO files VALUES (?, ?, ?, ?)"
     entry: Campaign | Document | Mapping[str, Entry]
     try:
@@ -221,8 +221,8 @@ def _add(index: sqlite3.Connection, file: FoundFile) -> None:
             case source:
                 entry = read_document(file.path, source)
     except UsageError as err:
-        says = str(err).replace(f"{file.path}: ", "").replace(str(file.path), file.key)
-        index.execute(add_file, (file.key, file.size, file.mtime_ns, says))
+        message = str(err).replace(f"{file.path}: ", "").replace(str(file.path), file.key)
+        index.execute(add_file, (file.key, file.size, file.mtime_ns, message))
         return
     index.execute(add_file, (file.key, file.size, file.mtime_ns, ""))
     if isinstance(entry, Campaign):
@@ -244,7 +244,7 @@ def _add(index: sqlite3.Connection, file: FoundFile) -> None:
 
 
 def _sealed(manifest: str, entries: Mapping[str, Entry]) -> list[tuple[str, str, str, int, str]]:
-    """What a manifest says of the files that the index holds."""
+    """Return the manifest entries of the files in the index."""
     folder = PurePosixPath(manifest).parent
     return [
         (
@@ -271,13 +271,13 @@ def _empty() -> sqlite3.Connection:
 
 
 def _checked(columns: str) -> str:
-    """Columns with the types that SQLite is to insist on: a kept index is held against them, too."""
-    told = []
+    """Return columns with type checks, so that SQLite verifies a stored index as well."""
+    definitions = []
     for column in columns.split(", "):
         name, kind = column.removesuffix("?").split()
         kinds = f"'{kind}', 'null'" if column.endswith("?") else f"'{kind}'"
-        told.append(f"{name} {kind} CHECK (typeof({name}) IN ({kinds}))")
-    return ", ".join(told)
+        definitions.append(f"{name} {kind} CHECK (typeof({name}) IN ({kinds}))")
+    return ", ".join(definitions)
 
 
 def _version(index: sqlite3.Connection) -> int:
@@ -286,5 +286,5 @@ def _version(index: sqlite3.Connection) -> int:
 
 
 def _tables(index: sqlite3.Connection) -> list[tuple[str, str | None]]:
-    """Names and definitions of everything in a database."""
+    """Return names and definitions of all objects in a database."""
     return index.execute("SELECT name, sql FROM sqlite_master ORDER BY name").fetchall()

@@ -1,4 +1,4 @@
-"""What a folder of campaigns holds: the frozen records of the index, and of each figure its series over time."""
+"""The records of the index as frozen dataclasses, and the series of each figure over time."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from benchctl.recordings.campaign_manifest import Integrity
 
 Source = Literal["acceptance", "coefficients"]
 SOURCES: tuple[Source, ...] = get_args(Source)
-"""The files that state figures of a campaign, in the order in which a reader wants them."""
+"""The files that state figures of a campaign, in the order of presentation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:
-    """What a recording says of itself. `started_utc` is ISO 8601 in UTC, to the second; `path` is in the folder.
+    """The description of a recording. `started_utc` is ISO 8601 in UTC, to the second; `path` is in the folder.
 
-    `parameters` are those of the procedure, as JSON; empty where they are not known. `integrity` is how it agrees with
-    the manifest of its folder.
+    `parameters` are those of the procedure, as JSON; empty if they are not known. `integrity` is the result of the
+    check against the manifest of its folder.
     """
 
     path: str
@@ -37,9 +37,9 @@ class Campaign:
 class Figure:
     """One number that a document states of a campaign, in `unit`.
 
-    `uncertainty` is expanded (95.45 %). `temperature_c` is where it holds: a test's temperature, T0 of coefficients.
-    `bound` is `at least` or `at most` where the value is only a limit of what the recording can show. `low` and `high`
-    are the limits of an acceptance, `verdict` what it made of them; empty or None: there is none.
+    `uncertainty` is expanded (95.45 %). `temperature_c` is the temperature it applies to: a test's, or T0 of
+    coefficients. `bound` is `at least` or `at most` if the value is only a limit of what the recording can show. `low`
+    and `high` are the limits of an acceptance, `verdict` its result; empty or None if there is none.
     """
 
     name: str
@@ -67,8 +67,8 @@ class Document:
 class Point:
     """A figure as one campaign states it, in the series' unit; the fields are those of `Campaign` and `Figure`.
 
-    `calibrated`: coefficients were fitted to that campaign. `integrity` is how the document that states the figure
-    agrees with the manifest beside it.
+    `calibrated`: coefficients were fitted to that campaign. `integrity` is the result of the check of the document that
+    states the figure against the manifest next to it.
     """
 
     started_utc: str
@@ -85,8 +85,8 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Series:
-    """A figure of a unit over time: at least one point, in the order of their starts, then of their paths."""
+class FigureSeries:
+    """A figure of a unit over time: at least one point, ordered by start, then by path."""
 
     serial: str
     model: str
@@ -102,7 +102,7 @@ class Series:
 
     @property
     def known(self) -> tuple[Point, ...]:
-        """The points that state a value, and not only a limit of what could be seen."""
+        """The points that state a value, not only a detection limit."""
         return tuple(point for point in self.points if not point.bound)
 
 
@@ -110,9 +110,10 @@ class Series:
 class Drift:
     """The latest value less an earlier one, in the series' unit.
 
-    `uncertainty` is √(U1² + U2²), expanded (95.45 %), and `e_n` the difference over it, as ISO/IEC 17043 has it: beyond
-    ±1 the two disagree. Both are None where an uncertainty is not known. What both campaigns have in common, the same
-    bench and its certificates, is in U1 and in U2 but not in the difference: `e_n` is then smaller than it could be.
+    `uncertainty` is √(U1² + U2²), expanded (95.45 %), and `e_n` the difference divided by it, as in ISO/IEC 17043:
+    beyond ±1 the two disagree. Both are None if an uncertainty is not known. Contributions that both campaigns share,
+    such as the bench and its certificates, are in U1 and in U2 but not in the difference: `e_n` is then smaller than it
+    could be.
     """
 
     difference: float
@@ -127,9 +128,9 @@ class Drift:
 
 
 def drifts(points: Sequence[Point]) -> tuple[Drift, Drift] | None:
-    """The drift of the last point since the one before it, and since the first; None where nothing came before.
+    """Return the drift of the last point since the previous one, and since the first; None without an earlier one.
 
-    Before: at a campaign with a calibration; where no earlier one has any, at any.
+    Earlier points are those at a campaign with a calibration; if there are none, all of them.
     """
     if len(points) < 2:
         return None
@@ -139,7 +140,7 @@ def drifts(points: Sequence[Point]) -> tuple[Drift, Drift] | None:
 
 
 def drift_between(before: Point, after: Point) -> Drift:
-    """The drift from one point to another."""
+    """Return the drift from one point to another."""
     difference = after.value - before.value
     if before.uncertainty is None or after.uncertainty is None:
         return Drift(difference=difference, uncertainty=None, e_n=None, since=before)

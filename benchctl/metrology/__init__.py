@@ -1,1 +1,1 @@
-"""What a gyro is worth: its deviations over averaging times, and what noise they are made of."""
+"""Metrology of a gyro: its deviations over averaging times, the noise behind them, and acceptance tests."""

@@ -47,9 +47,9 @@ def measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ...
     Raises
     ------
     UsageError
-        Where it has no reading at all, or an output that is not in volts, or never changes.
+        If it has no reading, or its output is not in volts or never changes.
     """
-    # BLAS sums in another order on another number of threads: a rerun elsewhere must give the same digits
+    # BLAS sums in another order with another number of threads: a rerun on another machine must give the same digits
     with threadpool_limits(limits=1, user_api="blas"):
         return _measured_in(recording, settings)
 

@@ -1,16 +1,16 @@
-"""Compute the Allan deviation and estimate Q, N, B, K and R, each with its interval where the record shows it.
+"""Compute the Allan deviation and estimate Q, N, B, K and R, each with its interval if the record shows it.
 
 An Allan variance is modelled as the sum of five noises (IEEE Std 952, annex on the Allan variance),
 
     σ²(τ) = 3Q²/τ² + N²/τ + (2 ln 2/π)·B² + K²τ/3 + R²τ²/2
 
-for a rate of unlimited bandwidth. Of samples every τ0, whose noise ends at half their rate, two terms differ over a few
-samples: a walk has K²τ/3·(1 + τ0²/2τ²), and flicker is integrated from its density.
+for a rate of unlimited bandwidth. For samples every τ0, whose noise ends at half their rate, two terms differ at short
+averaging times: a walk has K²τ/3·(1 + τ0²/2τ²), and flicker is integrated from its density.
 
-The variances over neighbouring averaging times share their samples: they are fitted by generalised least squares, with
-the covariance of the noise estimated so far (`AllanScatter`), and no square below zero (Stark and Parker, Computational
-Statistics 10, 1995, which unlike Lawson and Hanson's search ends where a model fits to the last digit). The weights are
-those of the model, not of the data, so that values that are low by chance do not weigh more.
+The variances at neighbouring averaging times share their samples: they are fitted by generalised least squares, with
+the covariance of the noise estimated so far (`AllanScatter`) and non-negative squares (Stark and Parker, Computational
+Statistics 10, 1995, which unlike Lawson and Hanson's search also terminates for a model that fits to the last digit).
+The weights are those of the model, not of the data, so that values that are low by chance do not weigh more.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ NAMES: Mapping[Term, str] = {
 
 @dataclass(frozen=True, slots=True)
 class CoefficientUnit:
-    """The unit of a coefficient, and the factor into it from the unit of the rates and seconds."""
+    """The unit of a coefficient, and the factor to it from the unit of the rates and seconds."""
 
     name: str
     factor: float
@@ -65,24 +65,24 @@ _PER_SECONDS: Mapping[Term, str] = {"Q": "*s", "N": "/sqrt(Hz)", "B": "", "K": "
 
 
 def unit_of(term: Term, rate_unit: str) -> CoefficientUnit:
-    """Return the unit of a coefficient for rates in `rate_unit`; for deg/s that of the standard."""
+    """Return the unit of a coefficient for rates in `rate_unit`; for deg/s the unit of the standard."""
     return _OF_RATES[term] if rate_unit == "deg/s" else CoefficientUnit(f"{rate_unit}{_PER_SECONDS[term]}", 1.0)
 
 
 def variances(tau_s: FloatArray, interval_s: float) -> FloatArray:
-    """Contribution of each term of size one to σ² at averaging times (k,); shape (k, 5), in the order of `TERMS`."""
+    """Return the contribution of each term of size one to σ² at averaging times (k,); (k, 5), ordered as `TERMS`."""
     walk = tau_s / 3.0 * (1.0 + 0.5 * (interval_s / tau_s) ** 2)
     flicker = np.array([_flicker(factor) for factor in (tau_s / interval_s).tolist()])
     return np.stack([3.0 / tau_s**2, 1.0 / tau_s, flicker, walk, 0.5 * tau_s**2], axis=1)
 
 
 _MANY = 50.0
-"""Number of samples above which the flicker variance has its limit for continuous time."""
+"""Number of samples above which the flicker variance equals its limit for continuous time."""
 
 
 @lru_cache(maxsize=4096)
 def _flicker(factor: float) -> float:
-    """Allan variance over so many samples of noise of density 1/(2πf) up to half the sampling rate.
+    """Return the Allan variance over `factor` samples of noise of density 1/(2πf) up to half the sampling rate.
 
     2/(π·m²) · ∫ sin⁴(m·x)/(x·sin²x) dx from 0 to π/2, by the filter of `AllanScatter`; it tends to 2 ln 2/π.
     """
@@ -93,9 +93,9 @@ def _flicker(factor: float) -> float:
 
 
 def densities(frequency_hz: FloatArray, interval_s: float) -> FloatArray:
-    """Two-sided power density of each term of size one at frequencies of shape (f,), shape (f, 5); unit²/Hz.
+    """Return the two-sided power density of each term of size one at frequencies (f,); shape (f, 5), unit²/Hz.
 
-    Densities of samples, valid up to half the sampling rate; a ramp has none, it is deterministic.
+    These are densities of samples, valid up to half the sampling rate; a ramp has none, because it is deterministic.
     """
     difference = 2.0 * np.sin(math.pi * frequency_hz * interval_s)
     return np.stack(
@@ -113,28 +113,28 @@ def densities(frequency_hz: FloatArray, interval_s: float) -> FloatArray:
 _NOISES = TERMS.index("R")
 _POINTS = 6000
 _LOWEST = 0.1
-"""Lowest frequency, in units of half the reciprocal of the record."""
+"""Lowest frequency, in units of half the reciprocal of the record's length."""
 
 
 class AllanScatter:
     """The covariances of overlapping Allan variances of a record of `samples` every `interval_s`, for factors (k,).
 
-    An Allan variance is the mean square of the rates through a filter, that of averaging time m·τ0 with the gain
+    An Allan variance is the mean square of the filtered rates; the filter of averaging time m·τ0 has the gain
 
         |H(f)|² = 2·sin⁴(π·f·m·τ0) / (m·sin(π·f·τ0))².
 
-    The means of squares of two such series of Gaussian noise, over n terms each, have the covariance
+    The mean squares of two such series of Gaussian noise, over n terms each, have the covariance
 
         2/(n·τ0) · ∫ |H_i|²·|H_j|²·S² df
 
-    for records that are long compared with the averaging times: up to a ninth of the record it is right to a few
-    percent. It is quadratic in the squared coefficients: the part of each pair of terms is computed once.
+    for records that are long compared with the averaging times; up to a ninth of the record it is accurate to a few
+    percent. It is quadratic in the squared coefficients: the contribution of each pair of terms is computed once.
     """
 
     def __init__(self, factors: IntArray, samples: int, interval_s: float) -> None:
         highest_hz = 0.5 / interval_s
         edges_hz = np.geomspace(_LOWEST * highest_hz / samples, highest_hz, _POINTS + 1)
-        # random points within the bins: no averaging time may have all points at the same phase
+        # random points within the bins, so that at no averaging time all points have the same phase
         inside = np.random.default_rng(0).uniform(size=_POINTS)
         width_hz = np.diff(edges_hz)
         frequency_hz = edges_hz[:-1] + inside * width_hz
@@ -142,13 +142,13 @@ class AllanScatter:
         phase = (math.pi * interval_s) * frequency_hz[:, None]
         terms = (samples + 1 - 2 * factors).astype(np.float64)
         responses = math.sqrt(2.0) * np.sin(phase * factors) ** 2 / (factors * np.sin(phase))
-        # each term of the shorter series is correlated with the longer one's at all lags; both signs of frequency
+        # each term of the shorter series is correlated with the longer one at all lags; both signs of frequency
         scale = 4.0 / (np.maximum.outer(terms, terms) * interval_s)
         self._of_two = np.array(
             [[scale * _products(responses**2, one * other * width_hz) for other in noises] for one in noises]
         )
         averaged = responses * np.sin(phase * terms) / (terms * np.sin(phase))
-        # (a + z)² is a² + 2az + z², where a is the part of a ramp and the mean of z over the record is not zero
+        # (a + z)² is a² + 2az + z², where a is due to a ramp and the mean of z over the record is not zero
         tau_s = factors * interval_s
         self._with_ramp = np.array(
             [4.0 * np.outer(tau_s, tau_s) * _products(averaged, one * width_hz) for one in noises]
@@ -172,17 +172,17 @@ def _products(columns: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 LONGEST_SHARE = 9
-"""Averaging times beyond this part of the record are shown and not fitted."""
+"""Averaging times beyond this fraction of the record are shown but not fitted."""
 _SHORTEST, _SHARE = 3, 1.0 / 3.0
-"""A term is identified where it makes a third of the variance, over three samples or more."""
+"""A term is identified if it makes a third of the variance, at three samples or more."""
 _ROUNDS = 6
 """Iterations of the reweighted fit."""
 _SIGNIFICANT = 3.0
-"""Least significance of a square, in standard deviations; at two, one white record in a hundred shows a ramp."""
+"""Minimum significance of a square, in standard deviations; at two, one white record in a hundred shows a ramp."""
 _IMPERFECT = 0.003
 """Relative error of the model of a variance, whatever the length of the record."""
 DIGITS = 1e-12
-"""Relative numerical error of a deviation, which bounds the knowledge of a variance without noise."""
+"""Relative numerical error of a deviation; it limits the accuracy of a variance without noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,12 +210,12 @@ class Terms:
 
 
 def terms_of(variance: FloatArray, factors: IntArray, interval_s: float, scatter: AllanScatter) -> Terms:
-    """Estimate the terms from overlapping Allan variances, shape (k,), over the averaging factors that are fitted.
+    """Estimate the terms from overlapping Allan variances, shape (k,), at the averaging factors to be fitted.
 
     `scatter` covers these factors, followed by longer ones.
     """
     columns = variances(np.asarray(factors * interval_s), interval_s)
-    # no term grows or falls faster than the square of the averaging time: a measured variance may be 0, a modelled not
+    # no term changes faster than the square of the averaging time; a measured variance may be 0, a modelled one not
     apart = np.minimum.outer(factors, factors) / np.maximum.outer(factors, factors)
     least = (variance * apart**2).max(axis=1)
     active = list(range(len(TERMS)))
@@ -229,7 +229,7 @@ def terms_of(variance: FloatArray, factors: IntArray, interval_s: float, scatter
     found: dict[Term, Coefficient] = {}
     shown = columns[factors >= _SHORTEST] * squares
     for row, place in enumerate(active):
-        # it stays in the fit, so that the other terms do not absorb it
+        # an unidentified term stays in the fit, so that the other terms do not absorb it
         if (shown[:, place] >= _SHARE * shown.sum(axis=1)).any():
             found[TERMS[place]] = _coefficient(squares[place], covariance[row, row])
         else:
@@ -263,7 +263,7 @@ def _not_negative(columns: FloatArray, wanted: FloatArray) -> FloatArray:
 
 
 def _insignificant(squares: FloatArray, covariance: FloatArray, active: list[int]) -> int | None:
-    """Return the index of the least significant term; None where all are significant."""
+    """Return the index of the least significant term; None if all are significant."""
     if not active:
         return None
     significance = squares[active] / np.sqrt(np.diag(covariance))
@@ -280,16 +280,16 @@ def _coefficient(square: float, variance: float) -> Coefficient:
 _NEAR = 0.05
 """Relative misfit up to which a coefficient is still useful."""
 _CHANCE = 1e-6
-"""Probability of a misfit by chance: in a thousand records none at any of some fifty averaging times."""
+"""Probability of a misfit by chance: none expected in a thousand records with some fifty averaging times each."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Misfit:
-    """The averaging time at which the deviation lies farthest from that of the terms, both in the series' unit.
+    """The averaging time at which the deviation differs most from that of the terms, both in the series' unit.
 
-    The five terms are fitted to any record. In one with a spectral line, correlated noise or a filter they may be wrong
-    by an order of magnitude, and their intervals do not cover that. The place of the largest misfit is not the place of
-    its cause: a line of 1 Hz can spoil the fit at a minute.
+    The five terms are fitted to any record. For one with a spectral line, correlated noise or a filter they may be
+    wrong by an order of magnitude, and their intervals do not cover that. The largest misfit is not necessarily at the
+    averaging time of its cause: a line of 1 Hz can spoil the fit at a minute.
     """
 
     tau_s: float
@@ -298,9 +298,9 @@ class Misfit:
 
 
 def misfit_of(tau_s: FloatArray, deviation: FloatArray, modelled: FloatArray, freedom: FloatArray) -> Misfit | None:
-    """Return the largest misfit over the fitted averaging times, all (k,); None where the terms describe the record.
+    """Return the largest misfit over the fitted averaging times, all (k,); None if the terms describe the record.
 
-    A misfit counts where it is significant by χ² with the degrees of freedom of the terms, and larger than 5 %.
+    A misfit counts if it is significant by χ² with the degrees of freedom of the terms, and larger than 5 %.
     """
     apart = np.abs(deviation - modelled) / np.maximum(deviation, modelled)
     squares = freedom * (deviation / modelled) ** 2
@@ -313,9 +313,9 @@ def misfit_of(tau_s: FloatArray, deviation: FloatArray, modelled: FloatArray, fr
 
 
 LEAST_SAMPLES = 90
-"""Least number of samples for five averaging times up to a ninth of the record."""
+"""Minimum number of samples, for five averaging times up to a ninth of the record."""
 _SPREADS = (1e-50, 1e50)
-"""Range of samples whose fourth powers are finite."""
+"""Range of sample spreads whose fourth powers are finite."""
 _PER_DECADE = 10
 _LONGEST = 3
 
@@ -338,7 +338,7 @@ class Allan:
 
 
 def averaging_factors(samples: int) -> IntArray:
-    """Return integer factors, ten a decade, up to a third of the record; shape (k,)."""
+    """Return integer factors, ten per decade, up to a third of the record; shape (k,)."""
     decades = np.log10(samples / _LONGEST)
     spread = 10.0 ** (np.arange(int(decades * _PER_DECADE) + 1) / _PER_DECADE)
     return np.unique(np.round(spread).astype(np.int64))
@@ -350,9 +350,9 @@ def analysed(series: Series) -> Allan:
     Raises
     ------
     UsageError
-        Where it has too few samples, or they do not change, or change by no finite amount.
+        If it has too few samples, or their range is zero or not finite.
     """
-    # matrices are small: threads of BLAS only wait for each other
+    # the matrices are small: BLAS threads would only wait for each other
     with threadpool_limits(limits=1, user_api="blas"):
         return _analysed(series)
 
@@ -364,7 +364,7 @@ def _analysed(series: Series) -> Allan:
     least, most = float(series.values.min()), float(series.values.max())
     if least == most:
         raise UsageError(f"{series.source}: all {samples} samples are {least:g}; check that the unit was connected")
-    if not _SPREADS[0] < most - least < _SPREADS[1]:  # NaN where a sample is
+    if not _SPREADS[0] < most - least < _SPREADS[1]:  # also true if a sample is NaN
         raise UsageError(
             f"{series.source}: its samples lie from {least:g} to {most:g}, which gives no Allan deviation; "
             "check how they were stored"

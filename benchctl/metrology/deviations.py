@@ -1,10 +1,10 @@
-"""Compute the Allan deviation and its relatives of an evenly sampled rate.
+"""Compute the Allan deviation and related deviations of an evenly sampled rate.
 
-All are mean squares of differences of the integrated rate x, which NIST calls phase: x has one point more than there
-are samples, and begins at 0. `kernels` has the inner loops.
+All are based on mean squares of differences of the integrated rate x, which NIST calls phase: x has one point more than
+there are samples, and begins at 0. `kernels` has the inner loops.
 
 Source: W. J. Riley, Handbook of Frequency Stability Analysis, NIST Special Publication 1065 (2008), section 5.2. The
-tests compare with the numbers that it prints.
+tests compare with the numbers printed there.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ Kind = Literal["adev", "oadev", "mdev", "tdev", "hdev", "ohdev", "totdev"]
 
 _ALONE = np.array([1])
 _MANY = 10_000
-"""Number of terms from which BLAS adds squares up on several threads, which only wait for each other and for ours."""
+"""Number of terms above which BLAS sums squares on several threads, which then wait for each other and for ours."""
 _NUMBA_PAYS = 2_000_000_000
-"""Number of differences from which numba is faster although loading it takes half a second."""
+"""Number of differences above which numba is faster, although its import takes half a second."""
 
 
 def deviation(rates: FloatArray, factors: IntArray, interval_s: float, kind: Kind = "oadev") -> FloatArray:
     """Compute the deviations (k,) of rates of shape (n,), sampled every `interval_s`, over `factors` samples each.
 
-    In the unit of the rates; `tdev` in that unit times seconds. NaN where the record is too short for a factor. Uses
-    all cores, and as much memory again as the rates take.
+    In the unit of the rates; `tdev` in that unit times seconds. NaN if the record is too short for a factor. Uses all
+    cores, and as much additional memory as the rates take.
 
     Raises
     ------
     UsageError
-        For rates that are not finite, fewer than three of them, or factors below 1.
+        If a rate is not finite, there are fewer than three rates, or a factor is below 1.
     """
     if factors.size and int(factors.min()) < 1:
         raise UsageError(f"expected averaging factors of at least 1, got {int(factors.min())}")
@@ -56,15 +56,15 @@ def deviation(rates: FloatArray, factors: IntArray, interval_s: float, kind: Kin
 
 
 def kernels_for(differences: int) -> Kernels:
-    """Return the kernels that are faster for so many differences, all lags together."""
+    """Return the kernels that are faster for this number of differences, all lags together."""
     loaded = sys.modules.get("numba") is not None
     return compiled() if loaded or differences >= _NUMBA_PAYS else by_numpy()
 
 
 def compiled() -> Kernels:
-    """Return numba's kernels, compiled once and cached on disk; numpy's without numba or a place for the cache.
+    """Return numba's kernels, compiled once and cached on disk; numpy's if numba or a writable cache is missing.
 
-    Both give the same digits but the last one or two.
+    Both give the same digits except the last one or two.
     """
     try:
         from benchctl.metrology import kernels_numba
@@ -74,37 +74,37 @@ def compiled() -> Kernels:
 
 
 def _overlapping(phase: FloatArray, factors: IntArray, kernels: Kernels, order: int) -> FloatArray:
-    """Variance from all differences, each beginning one sample after the other."""
+    """Variance from all differences, with starts one sample apart."""
     return _mean(sums_of_squares(phase, factors, order, kernels), phase.size - order * factors, factors, order)
 
 
 def _apart(phase: FloatArray, factors: IntArray, kernels: Kernels, order: int) -> FloatArray:
-    """Variance from differences that begin an averaging time after each other."""
+    """Variance from differences with starts one averaging time apart."""
     ends = (np.ascontiguousarray(phase[::m]) for m in factors.tolist())
     sums = [sums_of_squares(each, _ALONE, order, kernels)[0] for each in ends]
     return _mean(np.array(sums), (phase.size - 1) // factors + 1 - order, factors, order)
 
 
 def _modified(phase: FloatArray, factors: IntArray, _: Kernels) -> FloatArray:
-    """Variance from differences that are averaged over the averaging time as well."""
+    """Variance from differences that are also averaged over the averaging time."""
     return _mean(sums_of_squared_averages(phase, factors), phase.size - 3 * factors + 1, factors, 2)
 
 
 def _total(phase: FloatArray, factors: IntArray, kernels: Kernels) -> FloatArray:
-    """Variance from the phase extended by its own reflection about either end."""
+    """Variance from the phase extended by its reflection about either end."""
     sums = [sums_of_squares(_reflected(phase, m), np.array([m]), 2, kernels)[0] for m in factors.tolist()]
     return _mean(np.array(sums), np.where(factors < phase.size - 1, phase.size - 2, 0), factors, 2)
 
 
 def _reflected(phase: FloatArray, m: int) -> FloatArray:
-    """Extend the phase at either end by the points whose differences reach into it."""
+    """Extend the phase at either end by the points whose differences include points of the phase."""
     before = 2.0 * phase[0] - phase[m - 1 : 0 : -1]
     behind = 2.0 * phase[-1] - phase[-2 : -m - 1 : -1]
     return np.concatenate([before, phase, behind])
 
 
 def _mean(sums: FloatArray, terms: IntArray, factors: IntArray, order: int) -> FloatArray:
-    """Mean of squared differences, normalised by that of white noise (2 or 6 variances); NaN without terms."""
+    """Mean of squared differences, divided by the factor for white noise (2 or 6 variances); NaN without terms."""
     size = {2: 2.0, 3: 6.0}[order]
     return np.where(terms > 0, sums, np.nan) / (size * np.maximum(terms, 1) * factors**2.0)
 
@@ -121,20 +121,20 @@ _VARIANCES: Mapping[Kind, Callable[[FloatArray, IntArray, Kernels], FloatArray]]
 
 
 _ROWS = 2
-"""Rows of a core's piece, each summed separately: compiled, two take as long as one."""
+"""Rows of a core's piece, each summed separately: compiled code processes two as fast as one."""
 _SPAN = 1 << 19
-"""Samples of a row."""
+"""Number of samples in a row."""
 
 
 def integrated(rates: FloatArray, kernels: Kernels) -> FloatArray:
     """Integrate rates of shape (n,), in units of the sampling interval, from 0 on; shape (n + 1,).
 
-    The mean, which cancels in every difference, is subtracted first, so that the sum of 10⁸ samples keeps its digits.
+    The mean, which cancels in every difference, is subtracted first, so that a sum of 10⁸ samples keeps its precision.
 
     Raises
     ------
     UsageError
-        For rates that are not finite, or fewer than three of them.
+        If a rate is not finite, or there are fewer than three.
     """
     if rates.ndim != 1 or rates.size < 3 or not np.isfinite(mean := _phase_mean(rates)):
         raise UsageError(f"expected at least 3 finite rates in a row, got {rates.size} of shape {rates.shape}")
@@ -162,23 +162,23 @@ def integrated(rates: FloatArray, kernels: Kernels) -> FloatArray:
 
 
 def _phase_mean(rates: FloatArray) -> float:
-    """Mean of the rates; not finite where a rate is not."""
+    """Mean of the rates; not finite if a rate is not."""
     with np.errstate(invalid="ignore", over="ignore"):
         return float(rates.mean())
 
 
 _LONG = 1 << 20
-"""Points of a phase from which several cores are used, each for a factor."""
+"""Number of phase points above which several cores are used, each for a factor."""
 
 
 def sums_of_squared_averages(phase: FloatArray, factors: IntArray) -> FloatArray:
-    """Sums of squares of averages over m second differences in a row, for factors m of shape (k,); 0 without any."""
+    """Sums of squares of averages over m consecutive second differences, for factors m of shape (k,); 0 if none."""
     workers = cores() if phase.size > _LONG else 1
     return np.array(list(in_order(partial(_of_one, phase), factors.tolist(), workers)))
 
 
 def _of_one(phase: FloatArray, m: int) -> float:
-    """Sum for one factor; each average is the one before plus the entering and minus the leaving difference."""
+    """Sum for one factor; each average is the previous one plus the entering and minus the leaving difference."""
     averages = phase.size - 3 * m + 1
     if averages < 1:
         return 0.0
@@ -209,24 +209,24 @@ def _second(phase: FloatArray, m: int, begin: int, end: int, rooms: FloatArray) 
 
 
 _SHORT = 1 << 13
-"""The longest of the short lags."""
+"""The longest of the short lags, in samples."""
 _DIFFERENCES_SPAN = 1 << 20
-"""Points in a row of a core's piece."""
+"""Number of points in a row of a core's piece."""
 _COLUMNS = 1 << 17
-"""Points of a piece that is made of columns."""
+"""Number of points in a piece that consists of columns."""
 _NARROWEST = 1 << 6
-"""Least number of columns of a piece, a multiple of 8, so that all rows are aligned alike in the cache lines."""
+"""Minimum number of columns of a piece; a multiple of 8, so that all rows have the same cache-line alignment."""
 
 
 def sums_of_squares(phase: FloatArray, lags: IntArray, order: int, kernels: Kernels) -> FloatArray:
-    """Sums of squares, shape (k,), of all differences of order 2 or 3 of a phase of shape (n,) over lags (k,).
+    """Return the sums of squares, shape (k,), of all differences of order 2 or 3 of a phase (n,) over lags (k,).
 
-    0 where there is no difference. Order 2 is the difference of neighbouring averages, order 3 that of two such
-    differences. The kernels work piece by piece, so that a piece stays in a core's cache, several cores on a piece
-    each; the number of cores changes no bit of the sums. Over short lags a piece is a run of points. Points that lie a
-    long lag apart do not share a cache: there the phase is arranged in rows as long as the lag, and a piece is a copy
-    of some columns. Lags that are multiples of one, as in an octave or decade grid, share the pieces: the record is
-    read from memory once for all of them.
+    0 if there is no difference. Order 2 is the difference of neighbouring averages, order 3 that of two such
+    differences. The kernels work piece by piece, so that a piece stays in a core's cache, and several cores process
+    one piece each; the number of cores does not change the sums. For short lags a piece is a run of points. Points a
+    long lag apart do not share a cache: then the phase is arranged in rows as long as the lag, and a piece is a copy
+    of some columns. Lags that are multiples of one, as in an octave or decade grid, share the pieces, so that the
+    record is read from memory once for all of them.
     """
     found = dict.fromkeys(lags.tolist(), 0.0)
     short = np.array(sorted(lag for lag in found if lag <= _SHORT), dtype=np.int64)
@@ -253,7 +253,7 @@ def sums_of_squares(phase: FloatArray, lags: IntArray, order: int, kernels: Kern
 
 
 def _pieces(points: int, lags: list[int]) -> Iterator[tuple[int, IntArray, slice]]:
-    """Yield the lag that a row is long, the multiples of it among the lags, and columns that have equally many rows."""
+    """Yield the length of a row, the lags in multiples of it, and columns that have the same number of rows."""
     while lags:
         base = lags[0]
         multiples = np.array([lag // base for lag in lags if lag % base == 0])
@@ -266,7 +266,7 @@ def _pieces(points: int, lags: list[int]) -> Iterator[tuple[int, IntArray, slice
 
 
 def _copied(phase: FloatArray, base: int, columns: slice) -> FloatArray:
-    """Copy columns of a phase arranged in rows of `base` points; shape (rows, columns)."""
+    """Copy columns of a phase that is arranged in rows of `base` points; shape (rows, columns)."""
     (step,) = phase.strides
     rows = (phase.size - columns.start - 1) // base + 1
     shape = rows, columns.stop - columns.start

@@ -1,8 +1,8 @@
-"""Estimate the drift of the bias from rest: its strength, and its part in the readings between.
+"""Estimate the drift of the bias from rest: its strength, and its contribution to the readings in between.
 
-A gyro's bias walks. Readings at rest, cut into pieces, tell how far it walks (restricted likelihood, as in the
-calibration); between two of them it is known to lie, and what is taken off a reading there is its expectation (the
-zeros before and after, weighted as they deserve).
+A gyro's bias is a random walk. Its strength is estimated from readings at rest, cut into pieces (restricted likelihood,
+as in the calibration). The drift that is subtracted from a reading between two rests is its expectation: the optimally
+weighted readings at rest before and after it.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from benchctl_instruments.arrays import BoolArray, FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Means:
-    """Mean outputs in order of time within one stretch, (n,) each: V, the middle's time, how long, and whether at rest.
+    """Mean outputs in order of time within one stretch, (n,) each: V, middle time, duration, and whether at rest.
 
-    `white_v2` is the variance of each by the noise within it.
+    `white_v2` is the variance of each due to noise.
     """
 
     output_v: FloatArray
@@ -33,9 +33,9 @@ class Means:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settled:
-    """Outputs with the drift taken off, and their covariance (n, n): the bias first where there was rest.
+    """Outputs without drift, and their covariance (n, n); the bias comes first if there was rest.
 
-    `dof` are the degrees of freedom that go with the covariance: the fewer, the less is known of the walk.
+    `dof` are the degrees of freedom of the covariance; they are few if the walk is poorly known.
     """
 
     output_v: FloatArray
@@ -44,11 +44,11 @@ class Settled:
 
 
 Noises = Sequence[tuple[MeansNoise, float]]
-"""Strengths of the walk that the rest allows, each with its weight; together 1."""
+"""Strengths of the walk that are compatible with the rest, each with its weight; the weights add up to 1."""
 
 
 def noises_of(stretches: Sequence[Means]) -> Noises:
-    """How strongly the bias walks, by all the rest in all stretches."""
+    """Estimate the strength of the bias walk from the rest in all stretches."""
     resting = [one for one in stretches if int(one.rest.sum()) > 1]
     if not resting:
         return [(MeansNoise(walk=0.0, excess=1.0), 1.0)]
@@ -69,19 +69,19 @@ def noises_of(stretches: Sequence[Means]) -> Noises:
 
 
 def white_variance(values: FloatArray) -> float:
-    """Variance of one value by differences of neighbours, which drift does not enlarge; values of shape (n,)."""
+    """Variance of one value from differences of neighbours, which drift does not increase; values of shape (n,)."""
     return float(np.mean(np.diff(values) ** 2)) / 2.0
 
 
 def likeliest(noises: Noises) -> MeansNoise:
-    """The noise of the greatest weight."""
+    """Return the noise with the largest weight."""
     return max(noises, key=lambda one: one[1])[0]
 
 
 def settled(means: Means, noises: Noises) -> Settled:
-    """The bias, then every reading that is not at rest, freed of the drift that the rest around it shows.
+    """Return the bias, then every reading that is not at rest, without the drift that the rest around it shows.
 
-    Without rest: the readings as they are.
+    Without rest the readings are returned unchanged.
     """
     parts = [_settled(means, noise) for noise, _ in noises]
     mixture = Mixture(
@@ -101,7 +101,7 @@ def _walk(means: Means) -> FloatArray:
 
 
 def _settled(means: Means, noise: MeansNoise) -> tuple[FloatArray, FloatArray]:
-    """Outputs and covariance of `settled` for one strength of the walk."""
+    """Return outputs and covariance of `settled` for one strength of the walk."""
     together = noise.walk * _walk(means) + noise.excess * np.diag(means.white_v2)
     rest, moving = np.flatnonzero(means.rest), np.flatnonzero(~means.rest)
     taken = np.zeros((moving.size + (rest.size > 0), means.output_v.size))
@@ -112,7 +112,7 @@ def _settled(means: Means, noise: MeansNoise) -> tuple[FloatArray, FloatArray]:
         weights = np.linalg.solve(at_rest, ones)
         bias = weights / (ones @ weights)
         taken[0, rest] = bias
-        # the drift at a reading, by the zeros: C_xz·C_zz⁻¹·(z − bias)
+        # the drift at a reading, from the readings at rest: C_xz·C_zz⁻¹·(z − bias)
         known = np.linalg.solve(at_rest, together[np.ix_(rest, moving)]).T
         taken[1:, rest] = -(known - np.outer(known @ ones, bias))
     return taken @ means.output_v, taken @ together @ taken.T

@@ -1,4 +1,4 @@
-"""The inner loops of Allan deviations, in numpy; `kernels_numba` has the same compiled."""
+"""The inner loops of Allan deviations in numpy; `kernels_numba` has compiled versions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LINE = 64
 
 
 def room(points: int) -> FloatArray:
-    """Return an uninitialised array of shape (points,), aligned to a cache line, which registers load fastest."""
+    """Return an uninitialised array of shape (points,), aligned to a cache line for fast loading."""
     wider = np.empty(points + _LINE // 8)
     return wider[-(wider.__array_interface__["data"][0] // 8) % (_LINE // 8) :][:points]
 
@@ -25,11 +25,11 @@ def room(points: int) -> FloatArray:
 class Kernels:
     """The two kernels; both release the GIL.
 
-    `running_sums(rates, mean, sums)` fills `sums` with the running sums of the rates less their mean, row by row, and
+    `running_sums(rates, mean, sums)` fills `sums` with the running sums of the rates minus their mean, row by row, and
     returns the last of each row; rates and sums have shape (rows, n).
     `squares(phase, lags, order, begin, end)` returns the sums of squares, shape (k,), of the differences that begin
-    there, over lags of shape (k,) that fit into a core's cache. The order is 2 or 3; a difference that would end
-    behind the phase does not count.
+    at these points, over lags of shape (k,) that fit into a core's cache. The order is 2 or 3; a difference that would
+    end after the phase does not count.
     """
 
     running_sums: Callable[[FloatArray, float, FloatArray], FloatArray]
@@ -37,7 +37,7 @@ class Kernels:
 
 
 def by_numpy() -> Kernels:
-    """Return the kernels of numpy: one pass through the cache makes differences, one adds up their squares."""
+    """Return the kernels of numpy: one pass through the cache computes differences, another sums their squares."""
     return Kernels(running_sums=running_sums, squares=squares)
 
 
@@ -55,7 +55,7 @@ def running_sums(rates: FloatArray, mean: float, sums: FloatArray) -> FloatArray
 
 
 def squares(phase: FloatArray, lags: IntArray, order: int, begin: int, end: int) -> FloatArray:
-    """See `Kernels`; all lags work on one run of points before the next."""
+    """See `Kernels`; all lags process one run of points before the next."""
     widest = min(RUN, phase.size) + (order - 1) * int(lags.max(initial=0))
     widest += -widest % 8
     rooms = room(2 * widest).reshape(2, widest)

@@ -1,7 +1,7 @@
-"""`kernels` compiled by numba: a difference is made, squared and added up in one pass, and never stored.
+"""`kernels` compiled by numba: a difference is computed, squared and added in one pass, and never stored.
 
-Fetching the points takes the time. Three lags of which each is twice the one before, as in octave and decade grids,
-need five points for their three second differences instead of nine: they are computed together.
+The loading of points limits the speed. Three lags, each twice the previous one, as in octave and decade grids, need
+five points for their three second differences instead of nine, so they are computed together.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from numba import njit
 from benchctl.metrology.kernels import RUN
 from benchctl_instruments.arrays import FloatArray, IntArray
 
-# squares may be added up in any order, several at once; no other relaxation of floating point is allowed
+# squares may be added in any order, several at once; no other relaxation of floating point is allowed
 _ANY_ORDER = {"reassoc", "contract"}
 
 
 @njit(nogil=True, cache=True)
 def running_sums(rates: FloatArray, mean: float, sums: FloatArray) -> FloatArray:
-    """See `Kernels`. Each sum of a row depends on the one before, so two rows are processed at once."""
+    """See `Kernels`. Each sum of a row depends on the previous one, so two rows are processed at once."""
     rows = rates.shape[0]
     for row in range(0, rows - 1, 2):
         _two_running_sums(rates[row], rates[row + 1], mean, sums[row], sums[row + 1])
@@ -44,7 +44,7 @@ def _two_running_sums(
 
 @njit(nogil=True, cache=True)
 def squares(phase: FloatArray, lags: IntArray, order: int, begin: int, end: int) -> FloatArray:
-    """See `Kernels`; all lags work on one run of points before the next."""
+    """See `Kernels`; all lags process one run of points before the next."""
     sums = np.zeros(lags.size)
     for first in range(begin, end, RUN):
         last = min(first + RUN, end)
@@ -63,13 +63,13 @@ def squares(phase: FloatArray, lags: IntArray, order: int, begin: int, end: int)
 
 @njit(nogil=True, cache=True)
 def _each_twice_the_one_before(lags: IntArray) -> bool:
-    """Return whether three lags double twice."""
+    """Return whether each of three lags is twice the previous one."""
     return lags.size == 3 and lags[1] == 2 * lags[0] and lags[2] == 2 * lags[1]
 
 
 @njit(nogil=True, cache=True, fastmath=_ANY_ORDER)
 def _second_over_three(phase: FloatArray, lag: int, begin: int, end: int) -> FloatArray:
-    """Sums over the lag, twice and four times the lag; from `begin` to `end` all three have a difference."""
+    """Return the sums over the lag, twice and four times the lag; from `begin` to `end` all three have a difference."""
     here, next_one, next_two = phase[begin:end], phase[begin + lag : end + lag], phase[begin + 2 * lag : end + 2 * lag]
     next_four, next_eight = phase[begin + 4 * lag : end + 4 * lag], phase[begin + 8 * lag : end + 8 * lag]
     over_one, over_two, over_four = 0.0, 0.0, 0.0

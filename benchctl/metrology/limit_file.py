@@ -1,4 +1,4 @@
-"""The file of limits: what an accepted unit may show, in which units, and how near to a limit a value may lie.
+"""The file of limits: the permitted range of each result with its unit, and the guard band.
 
 title = "Acceptance of VG910"
 guard = 1.0                      # guard band in expanded uncertainties (95.45 %); 0: simple acceptance
@@ -56,7 +56,7 @@ class _SettingsEntry(Table):
 
 
 class LimitFile(Table):
-    """A file of limits, as it is written."""
+    """A file of limits, as written."""
 
     title: str = ""
     customer: str = ""
@@ -70,7 +70,7 @@ class LimitFile(Table):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """A file of limits: by the test's name, each in its own unit, and what else it states."""
+    """A file of limits: the limits by test name, each in its own unit, and the other entries."""
 
     path: Path
     text: str
@@ -87,14 +87,13 @@ def read_limits(path: Path) -> Limits:
     Raises
     ------
     UsageError
-        Where it is not there or no TOML, names a test that does not exist, or a unit that a test cannot have; names the
-        line.
+        If it is missing or not TOML, or names an unknown test or an impossible unit; the message states the line.
     """
     return limits_of_text(read_text(path, "limits"), path)
 
 
 def limits_of_text(text: str, path: Path) -> Limits:
-    """The limits of a text that is read already; raises what `read_limits` does."""
+    """Return the limits of a text that was already read; raises the errors of `read_limits`."""
     content = parse_toml(text, LimitFile, str(path))
     for name, entry in content.limits.items():
         if name not in UNITS:

@@ -1,4 +1,4 @@
-"""The tests of a gyro by name: in which unit each is stated, and which procedure measures it."""
+"""The tests of a gyro by name: the unit of each result, and the procedure that measures it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ UNITS: Mapping[str, str] = {
     "warm_up_time": "s",
     "warm_up_bias": "deg/h",
 }
-"""In the order in which a report has them."""
+"""In the order of a report."""
 
 PROCEDURES: Mapping[str, str] = {
     "scale_factor": "rate_sweep",

@@ -1,4 +1,4 @@
-"""Collect from a recording what all tests of a gyro use: stretches, points, and the reference among them."""
+"""Collect from a recording what all tests of a gyro use: stretches, points, and the reference stretch."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from benchctl.recordings.stated import StatedUncertainties, stated_of
 from benchctl_instruments.arrays import FloatArray
 
 ROOM_C = 20.0
-"""Reference temperature where none is stated (ISO 1)."""
+"""Reference temperature if none is stated (ISO 1)."""
 SAME_C = 1.0
 """Largest difference of set points that count as one temperature."""
 _FEWEST_RATES = 3
@@ -30,7 +30,7 @@ class Settings:
 
     `low_rate_dps`: upper end of the rates to which the line for errors of reading is fitted. `linearity_percent` bounds
     the input range. `warm_deg_per_h`: distance from the final bias at which a unit counts as warm. Bias stability is
-    the deviation of means over `mean_s`, of a rest of at least `rest_s`.
+    the standard deviation of means over `mean_s`, of a rest of at least `rest_s`.
     """
 
     low_rate_dps: float = 40.0
@@ -42,9 +42,9 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observations:
-    """A recording for the tests. `reference` is the index of a stretch, None where no stretch has three rates.
+    """A recording for the tests. `reference` is the index of a stretch, None if no stretch has three rates.
 
-    `noises` describe the random walk of the bias, estimated from all the rest.
+    `noises` describe the random walk of the bias, estimated from all rests.
     """
 
     recording: Recording
@@ -56,11 +56,11 @@ class Observations:
     reference: int | None
 
     def in_stretch(self, number: int) -> Points:
-        """The points of one stretch."""
+        """Return the points of one stretch."""
         return self.points.of(self.points.stretch == number)
 
     def swept_in(self, numbers: Sequence[int]) -> Points:
-        """The points of some stretches to which lines are fitted."""
+        """Return the points of some stretches to which lines are fitted."""
         return self.points.of(np.isin(self.points.stretch, numbers) & self.points.swept)
 
     @property
@@ -70,7 +70,7 @@ class Observations:
 
     @property
     def scale_v_per_dps(self) -> float:
-        """Slope of the reference's line; NaN where there is none."""
+        """Slope of the reference's line; NaN if there is no reference."""
         points = self.at_reference
         if points is None:
             return float("nan")
@@ -145,13 +145,13 @@ def measured(
 
 
 def celsius_of(*celsius: float) -> float | None:
-    """Return the mean temperature; None where it is not stated."""
+    """Return the mean temperature; None if it is not known."""
     mean = float(np.mean(celsius))
     return mean if np.isfinite(mean) else None
 
 
 def same_set_point(one_c: float, other_c: float) -> bool:
-    """Return whether two set points are one temperature; two that are not stated are, too."""
+    """Return whether two set points are one temperature, or both unknown."""
     return abs(one_c - other_c) < SAME_C or bool(np.isnan(one_c) and np.isnan(other_c))
 
 
@@ -161,7 +161,7 @@ def column(name: str, unit: str, values: FloatArray) -> Column:
 
 
 def dots(x: Column, y: Column) -> Picture:
-    """Return a picture of one column over another."""
+    """Return a plot of one column over another."""
     trace = Trace(label="readings", x=np.array(x.values), y=np.array(y.values))
     return Picture(x=x.name, x_unit=x.unit, y=y.name, y_unit=y.unit, traces=(trace,))
 

@@ -1,4 +1,4 @@
-"""Points of output over rate, freed of drift, and everything that is not known exactly about them."""
+"""Points of output over rate, without drift, and their uncertain quantities."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _ARCSEC_PER_DEG = 3600.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Points:
-    """Outputs over rates, (n,) each; of every stretch the rest first, as one point, then its rates in time order.
+    """Outputs over rates, (n,) each; for every stretch first the rest, as one point, then its rates in time order.
 
-    `output_v` has the bias in it and the drift taken off; its covariance `covariance_v2` (n, n) has `dof` degrees of
-    freedom. `leg`: `UP` where the rate before of the same sign was smaller or there was none, `DOWN` where it was
-    larger, `REST`. `stretch` counts stretches, `step` is the recording's index, of rest that of its first; `rest_steps`
-    has all of them, by stretch.
-    `swept` are those that a line is fitted to: rest, and of every rate from 1 °/s in both directions its first visit on
-    either leg, so that a rate that is come back to, or small changes about one, do not weigh more. `begins_s` is when
-    the point's stretch begins, `walk_v2_per_s` how strongly the bias walks.
+    `output_v` includes the bias, without drift; its covariance `covariance_v2` (n, n) has `dof` degrees of freedom.
+    `leg`: `UP` if the previous rate of the same sign was smaller or there was none, `DOWN` if it was larger, `REST`.
+    `stretch` is the index of the stretch, `step` that of the recording's step, for rest that of its first one;
+    `rest_steps` has all steps at rest, by stretch.
+    `swept` are the points to which a line is fitted: rest, and of every rate from 1 °/s in both directions the first
+    visit on either leg, so that repeated rates, or small changes about one, do not weigh more. `begins_s` is the start
+    of the point's stretch, `walk_v2_per_s` the strength of the bias walk.
     """
 
     rate_dps: FloatArray
@@ -51,12 +51,12 @@ class Points:
 
     @property
     def steps(self) -> tuple[int, ...]:
-        """Every step that the points come from, all the rest of a stretch among them."""
+        """Every step that the points come from, including all the rest of a stretch."""
         resting = {int(one) for one in self.stretch[self.leg == REST]}
         return tuple(sorted({*map(int, self.step), *(step for one in resting for step in self.rest_steps[one])}))
 
     def of(self, chosen: BoolArray | IntArray) -> Points:
-        """Some of the points."""
+        """Return some of the points."""
         places = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
         shared = ("covariance_v2", "walk_v2_per_s", "dof", "rest_steps")
         own = {name: getattr(self, name)[places] for name in self.__dataclass_fields__ if name not in shared}
@@ -69,9 +69,9 @@ class Points:
         )
 
     def quantities(self, stated: StatedUncertainties, *, drifting: bool = True) -> list[Quantity]:
-        """What is not known exactly of rates and outputs; `moved` takes their offsets.
+        """Return the uncertain quantities of rates and outputs; `moved` takes their offsets.
 
-        From one stretch to another the bias walks on: that belongs to what they are compared by, if `drifting`.
+        If `drifting`, the bias walk from one stretch to another is included, for the comparison of stretches.
         """
         walked_s = np.minimum.outer(self.begins_s, self.begins_s) - np.min(self.begins_s, initial=np.inf)
         covariance = self.covariance_v2 + (self.walk_v2_per_s * walked_s if drifting else 0.0)
@@ -87,14 +87,14 @@ class Points:
         ]
 
     def moved(self, offsets: Offsets) -> tuple[FloatArray, FloatArray]:
-        """True rates about the gyro's axis and true volts, (d, n) each, if these were the offsets of what was read."""
+        """Return true rates about the gyro's axis and true volts, (d, n) each, for these offsets of the readings."""
         rate_dps = (self.rate_dps + offsets["encoder"]) * (1.0 + offsets["clock"]) * np.cos(offsets["mounting"])
         output_v = self.output_v + offsets["scatter"] + offsets["converter's steps"]
         return rate_dps, output_v * (1.0 + offsets["converter's gain"]) + offsets["converter's offset"]
 
 
 def points_of(stretches: Sequence[Stretch], noises: Noises) -> Points:
-    """The points of stretches, in their order; `noises` say how far the bias walks."""
+    """Return the points of stretches, in their order; `noises` give the strength of the bias walk."""
     means = [means_of(stretch.readings) for stretch in stretches]
     parts = [settled(one, noises) for one in means]
     sizes = [part.output_v.size for part in parts]
@@ -127,7 +127,7 @@ def points_of(stretches: Sequence[Stretch], noises: Noises) -> Points:
 
 
 def _swept(rows: Sequence[_Row]) -> BoolArray:
-    """See `Points`; where a stretch has no rate in both directions, all its rates count."""
+    """Return `Points.swept`; if a stretch has no rate in both directions, all its rates count."""
     rates = {(row.stretch, round(row.set_dps, 6)) for row in rows if abs(row.set_dps) >= _SLOWEST_DPS}
     paired = {(stretch, rate) for stretch, rate in rates if (stretch, -rate) in rates}
     of_pairs = {stretch for stretch, _ in paired}
@@ -154,7 +154,7 @@ class _Row:
 
 
 def means_of(readings: Sequence[Reading]) -> Means:
-    """Readings as arrays."""
+    """Convert readings to arrays."""
     return Means(
         output_v=np.array([one.output_v for one in readings]),
         middle_s=np.array([one.middle_s for one in readings]),
@@ -165,7 +165,7 @@ def means_of(readings: Sequence[Reading]) -> Means:
 
 
 def _rows(readings: Sequence[Reading], stretch: int) -> list[_Row]:
-    """One row for the rest, one for each rate, as `settled` orders them."""
+    """Return one row for the rest and one for each rate, in the order of `settled`."""
     rows: list[_Row] = []
     rest = [one for one in readings if one.set_dps == 0.0]
     if rest:
@@ -204,13 +204,13 @@ def _rows(readings: Sequence[Reading], stretch: int) -> list[_Row]:
 
 
 def line(rate_dps: FloatArray, output_v: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Slope [V/(deg/s)] and intercept [V] of the least-squares line of each draw, (d,) each, of points (d, n)."""
+    """Return slope [V/(deg/s)] and intercept [V] of the least-squares line of each draw, (d,) each; points (d, n)."""
     x = rate_dps - rate_dps.mean(axis=1, keepdims=True)
     slope = (x * output_v).sum(axis=1) / (x**2).sum(axis=1)
     return slope, output_v.mean(axis=1) - slope * rate_dps.mean(axis=1)
 
 
 def misfit(rate_dps: FloatArray, output_v: FloatArray) -> FloatArray:
-    """Residual of the least-squares line through all points [V], shape (d, n)."""
+    """Return the residual of the least-squares line through all points [V], shape (d, n)."""
     slope, intercept = line(rate_dps, output_v)
     return np.asarray(output_v - slope[:, None] * rate_dps - intercept[:, None])

@@ -1,9 +1,9 @@
-"""Propagate the uncertainties of the quantities in a result, in two ways that check each other.
+"""Propagate the uncertainties of input quantities to a result, by two methods that check each other.
 
-A result is a function of offsets: the differences of the quantities from their readings. By the
-law of propagation of uncertainty (JCGM 100:2008, 5.1 and 5.2) each offset is moved up and down by one standard
-uncertainty, one independent direction at a time. By Monte Carlo (JCGM 101:2008) all are drawn at once. Where the two
-differ, the function is not linear over the offsets, and the result of Monte Carlo is stated.
+A result is a function of offsets: the differences of the quantities from their readings. By the law of propagation of
+uncertainty (JCGM 100:2008, 5.1 and 5.2) each offset is moved up and down by one standard uncertainty, one independent
+direction at a time. By Monte Carlo (JCGM 101:2008) all are drawn at once. If the two differ, the function is not linear
+over the offsets, and the result of Monte Carlo is reported.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from benchctl_instruments.arrays import FloatArray
 Offsets = Mapping[str, FloatArray]
 """Offsets of each quantity, by name, shape (d, n): d draws at once."""
 Function = Callable[[Offsets], FloatArray]
-"""Maps draws to the result, shape (d,), or to the numbers that it is made of, shape (d, n)."""
+"""Maps draws to the result, shape (d,), or to its components, shape (d, n)."""
 
 AGREE = 0.05
-"""Relative difference of the expanded uncertainties up to which the two ways agree."""
+"""Relative difference of the expanded uncertainties up to which the two methods agree."""
 _DRAWS = 20_000
 _SEED = 952
 
@@ -35,8 +35,8 @@ _SEED = 952
 class Quantity:
     """An input of a result: n numbers with the covariance root·rootᵀ, `root` of shape (n, m).
 
-    `uniform`: a rectangular rather than a normal distribution of that standard deviation. `kind` after GUM, 4.2 and
-    4.3. With finite degrees of freedom `dof` the offsets have Student's t distribution (JCGM 101, 6.4.9).
+    `uniform`: a rectangular instead of a normal distribution of that standard deviation. `kind` after GUM, 4.2 and 4.3.
+    With finite degrees of freedom `dof` the offsets have Student's t distribution (JCGM 101, 6.4.9).
     """
 
     name: str
@@ -62,18 +62,18 @@ def single(name: str, standard: float, note: str, *, kind: Literal["A", "B"] = "
 
 
 def independent(name: str, standard: FloatArray, note: str, *, uniform: bool = False) -> Quantity:
-    """Return a quantity of independent numbers, standard uncertainties of shape (n,)."""
+    """Return a quantity of independent numbers with standard uncertainties of shape (n,)."""
     return Quantity(name=name, root=np.diag(standard), kind="B", note=note, uniform=uniform)
 
 
 def scattered(name: str, covariance: FloatArray, note: str, dof: float = math.inf) -> Quantity:
-    """Return numbers with a covariance (n, n) estimated from the data (type A), with its degrees of freedom."""
+    """Return numbers with a covariance (n, n) estimated from the data (type A), and its degrees of freedom."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     return Quantity(name=name, root=vectors * np.sqrt(np.maximum(values, 0.0)), kind="A", note=note, dof=dof)
 
 
 def as_read(function: Function, quantities: Sequence[Quantity]) -> FloatArray:
-    """Evaluate a function without any offset; the result has no axis of draws."""
+    """Evaluate a function with zero offsets; the result has no axis of draws."""
     return np.asarray(function({one.name: np.zeros((1, one.root.shape[0])) for one in quantities})[0])
 
 
@@ -100,16 +100,16 @@ def deviation_of(values: Function, quantities: Sequence[Quantity]) -> tuple[floa
 
 
 def nothing() -> Uncertainty:
-    """Return the uncertainty of a bound given by the values that were tried, not measured."""
+    """Return the uncertainty of a bound that is a tried value, not a measured one."""
     return Uncertainty(standard=0.0, expanded=0.0, monte_carlo=0.0, contributors=(), says=message("as_tried"))
 
 
 def propagated(function: Function, quantities: Sequence[Quantity], *, null: Function | None = None) -> Uncertainty:
-    """Return the uncertainty of a result, which is never negative where `null` is given.
+    """Return the uncertainty of a result, which is never negative if `null` is given.
 
-    `null` is the result of the offsets alone where the true value is zero: the largest of many differences, for
-    example, is never zero. A value within the range of `null` is not distinguishable from zero, and its uncertainty
-    reaches zero.
+    `null` gives the result of the offsets alone for a true value of zero: the largest of many differences, for example,
+    is never zero. A value within the range of `null` is not distinguishable from zero, and its uncertainty includes
+    zero.
     """
     value = float(as_read(function, quantities))
     contributors = sorted(
@@ -137,28 +137,28 @@ def propagated(function: Function, quantities: Sequence[Quantity], *, null: Func
     monte_carlo = 0.5 * (high - low)
     apart = abs(gum - monte_carlo) / monte_carlo if monte_carlo > 0.0 else 0.0
     if apart <= AGREE:
-        expanded, says = gum, message("gum_agrees", difference_percent=100.0 * apart)
+        expanded, explanation = gum, message("gum_agrees", difference_percent=100.0 * apart)
     else:
         expanded = max(high - value, value - low)
         rectangle = next((one.name for one in quantities if one.uniform and one.name == contributors[0].source), None)
         if rectangle is not None:
-            says = message("not_normal", difference_percent=100.0 * apart, source=rectangle)
+            explanation = message("not_normal", difference_percent=100.0 * apart, source=rectangle)
         else:
-            says = message("not_linear" if null is None else "size_of_changes", difference_percent=100.0 * apart)
+            explanation = message("not_linear" if null is None else "size_of_changes", difference_percent=100.0 * apart)
     if null is not None and value <= float(np.quantile(null(offsets), LEVEL)):
-        expanded, says = max(expanded, value), message("not_told_from_zero")
+        expanded, explanation = max(expanded, value), message("not_told_from_zero")
     return Uncertainty(
         standard=standard,
         expanded=expanded,
         dof=dof,
         monte_carlo=monte_carlo,
         contributors=tuple(contributors),
-        says=says,
+        says=explanation,
     )
 
 
 def _moved(function: Function, quantities: Sequence[Quantity], one: Quantity) -> float:
-    """Contribution of one quantity alone: the root of the sum of squares over its independent directions."""
+    """Return the contribution of one quantity: the root sum of squares over its independent directions."""
     directions = one.root.shape[1]
     moved = {other.name: np.zeros((2 * directions, other.root.shape[0])) for other in quantities}
     moved[one.name] = np.concatenate([one.root.T, -one.root.T])

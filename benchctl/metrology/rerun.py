@@ -11,13 +11,12 @@ from benchctl.metrology.result import Judged
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compared:
-    """A test in two runs, both in the unit of the first's result.
+    """A test in two runs, both in the unit of the first one's result.
 
-    `difference` is the second value less the first, `uncertainty` √(U1² + U2²), expanded (95.45 %), and `e_n` the
-    difference over it, as ISO/IEC 17043 has it: beyond ±1 the two disagree. What both runs have in common, as the same
-    instruments and their certificates, is in U1 and in U2 but not in the difference: `e_n` is then smaller than it
-    could be. All three are None where one has no value, or only a bound; the last two where an uncertainty is
-    unknown.
+    `difference` is the second value minus the first, `uncertainty` is √(U1² + U2²), expanded (95.45 %), and `e_n` is
+    their ratio, as in ISO/IEC 17043: beyond ±1 the two disagree. Influences common to both runs, such as the same
+    instruments and their certificates, are in U1 and in U2 but not in the difference, so that `e_n` is smaller than it
+    could be. All three are None if one has no value, or only a bound; the last two if an uncertainty is unknown.
     """
 
     first: Judged
@@ -46,7 +45,7 @@ class Compared:
 
     @property
     def verdict_changed(self) -> bool:
-        """Whether the two verdicts differ; never where neither has a limit."""
+        """Whether the two verdicts differ; False if neither has a limit."""
         return self.first.verdict != self.again.verdict
 
 
@@ -56,7 +55,7 @@ def compared(first: Sequence[Judged], again: Sequence[Judged]) -> tuple[Compared
     Raises
     ------
     ValueError
-        Where they are not the same tests in the same units.
+        If they are not the same tests in the same units.
     """
     return tuple(_compared(before, now) for before, now in zip(first, again, strict=True))
 

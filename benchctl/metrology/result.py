@@ -97,9 +97,9 @@ class Uncertainty:
 
     `standard` is the combined standard uncertainty by the law of propagation (GUM, 5.1) and `dof` its effective degrees
     of freedom. `monte_carlo` is half the width of the interval that holds 95.45 % of the values drawn by Monte Carlo
-    (JCGM 101). `expanded` is what is stated: `standard` times the coverage factor that `dof` demands (2 where it is
-    infinite), or `monte_carlo` where the two differ by more than 5 %; `says` states which and why. `contributors` are
-    sorted, the largest first.
+    (JCGM 101). `expanded` is the reported uncertainty: `standard` times the coverage factor for `dof` (2 where it is
+    infinite), or `monte_carlo` where the two differ by more than 5 %; `says` is the message that explains the choice.
+    `contributors` are sorted, the largest first.
     """
 
     standard: float
@@ -126,7 +126,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """A line or dots in a picture, (n,) each; `label` is a key of the reports' catalogues."""
+    """A line or points of a plot, shape (n,) each; `label` is a key of the reports' catalogues."""
 
     label: str
     x: FloatArray
@@ -136,7 +136,7 @@ class Trace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A test's readings, and below them the residual of its law; labels are keys of the reports' catalogues."""
+    """A plot of a test's readings with the residual of its law below; labels are keys of the reports' catalogues."""
 
     x: str
     x_unit: str
@@ -152,8 +152,8 @@ class Picture:
 class Measured:
     """The result of one test.
 
-    `value` is None where the recording does not contain what the test needs; `refused` states what. `bound`: the value
-    is only a limit of what the recording can show. `steps` are the indices of the steps that it comes from.
+    `value` is None if the recording does not contain what the test needs; `refused` states what is missing. `bound`:
+    the value is only a limit of what the recording can show. `steps` are the indices of the steps used.
     """
 
     name: str
@@ -180,9 +180,9 @@ class Limit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """A result against its limit; `verdict` is None where there is no limit.
+    """A result compared with its limit; `verdict` is None if there is no limit.
 
-    `measured` is in the limit's unit. `remedy` of an INCONCLUSIVE one states what would make it conclusive.
+    `measured` is in the limit's unit. `remedy` states what would make an INCONCLUSIVE verdict conclusive.
     """
 
     measured: Measured
@@ -214,8 +214,8 @@ class Papers:
 class Acceptance:
     """All tests of one recording, judged.
 
-    `limits_text` is the file of limits, `limits_sha256` its digest; `anomalies` are those of the recording;
-    `step_digests` are those of its steps, by index.
+    `limits_text` is the file of limits and `limits_sha256` its digest; `anomalies` are those of the recording;
+    `step_digests` are the digests of its steps, by index.
     """
 
     verdict: Verdict

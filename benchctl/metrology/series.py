@@ -1,4 +1,4 @@
-"""An even series of samples out of a recording's step or a column of a text file, and what unit it is in."""
+"""Read an evenly sampled series, and its unit, from a step of a recording or a column of a text file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NAME_UNIT = re.compile(r"(?:_(?P<suffix>[A-Za-z]+)|[\[(](?P<bracket>[^\])]+)[\]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """`values` (n,) in `unit`, one every `interval_s`; `source` describes them."""
+    """Samples `values` (n,) in `unit`, one every `interval_s`; `source` describes them."""
 
     values: FloatArray
     interval_s: float
@@ -38,15 +38,15 @@ class Series:
 def series_of_step(
     recording: Recording, channel: str | None, step: str | None, scale_v_per_dps: float | None = None
 ) -> Series:
-    """A channel in a step: by default the digital gyro's rate or the gyro's output, in the longest static step.
+    """Return a channel of a step; by default the digital gyro's rate or the gyro's output, in the longest static step.
 
-    The gyro's volts become a rate by `scale_v_per_dps`, or by the scale factor that the lab's model in the recording
-    has, if there is one.
+    The gyro's volts are converted to a rate by `scale_v_per_dps`, or by the scale factor of the lab's model in the
+    recording, if there is one.
 
     Raises
     ------
     UsageError
-        Where there is no such step or channel, no static step, or hardly a sample between two gaps.
+        If there is no such step or channel, no static step, or fewer than three samples between two gaps.
     """
     info = _step(recording, step)
     names = recording.channels(info.index)
@@ -73,15 +73,15 @@ def series_of_step(
 
 
 def series_of_text(path: Path, channel: str | None, rate_hz: float | None) -> Series:
-    """A column of a text file with commas; without `channel` the only one apart from the time.
+    """Return a column of a comma-separated text file; without `channel` the only one apart from the time.
 
-    The interval is that of `rate_hz`, or of a column whose name begins with `time` and that counts seconds. The unit
-    is read off the end of the column's name: `rate_dps`, `output_v`, `rate [deg/s]`.
+    The interval is that of `rate_hz`, or of a column in seconds whose name begins with `time`. The unit is read from
+    the end of the column's name: `rate_dps`, `output_v`, `rate [deg/s]`.
 
     Raises
     ------
     UsageError
-        Where the file, the column or the sampling rate is not there, or a cell is no number.
+        If the file, the column or the sampling rate is missing, or a cell is not a number.
     """
     text = read_bytes(path)
     first = text.split(b"\n", 1)[0]
@@ -124,7 +124,7 @@ def _step(recording: Recording, name: str | None) -> StepInfo:
 
 
 def _even_samples(recording: Recording, info: StepInfo, name: str, over: float) -> tuple[FloatArray, float, str]:
-    """As `_unbroken`, over a scale; of scans without a gap nothing but the samples themselves is held."""
+    """As `_unbroken`, divided by a scale; scans without gaps are read in parts, so that only their samples are held."""
     axis, where = axis_of(name), f"{recording.path}, step {shown(info.name)}"
     step = recording.stored_step(info.index)
     interval_s = _interval_without_gaps(step) if axis == "time_s" else None
@@ -141,7 +141,7 @@ def _even_samples(recording: Recording, info: StepInfo, name: str, over: float) 
 
 
 def _interval_without_gaps(step: StoredStep) -> float | None:
-    """The sampling interval of scans that are surely without a gap; None where one must look closer."""
+    """Return the sampling interval of scans that certainly have no gap; None if they may have one."""
     if step.scans < 3:
         return None
     first_s = last_s = float(step.read("time_s", 0, 1)[0])
@@ -151,16 +151,16 @@ def _interval_without_gaps(step: StoredStep) -> float | None:
         steps_s = np.diff(part["time_s"], prepend=[] if begins else last_s)
         spread_s += [float(steps_s.min()), float(steps_s.max())]
         last_s, begins = float(part["time_s"][-1]), False
-    least_s, most_s = np.min(spread_s), np.max(spread_s)  # NaN where a stamp is
+    least_s, most_s = np.min(spread_s), np.max(spread_s)  # NaN if a stamp is NaN
     return (last_s - first_s) / (step.scans - 1) if _even(least_s, most_s) else None
 
 
 def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[FloatArray, float, str]:
-    """The longest stretch without a gap, its sampling interval, and a note where it is not everything."""
+    """Return the longest stretch without a gap, its sampling interval, and a note if samples are left out."""
     steps_s = np.diff(time_s)
     if steps_s.size < 2 or not steps_s.min() > 0.0:
         raise UsageError(f"{where}: expected at least 3 samples, at times that grow; correct its stamps")
-    if _even(steps_s.min(), steps_s.max()):  # whatever their median is, which takes long to find
+    if _even(steps_s.min(), steps_s.max()):  # without the median, which is slow to compute
         runs = [slice(0, time_s.size)]
     else:
         runs = gap_free(time_s, float(np.median(steps_s)))
@@ -172,7 +172,7 @@ def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[Float
 
 
 def _even(least_s: float, most_s: float) -> bool:
-    """Whether steps between stamps from the least to the most are surely without a gap."""
+    """Return whether time steps between `least_s` and `most_s` certainly contain no gap."""
     return 0.0 < least_s <= most_s <= (1.0 + TOLERANCE) * least_s
 
 

@@ -1,7 +1,7 @@
-"""A recording as stretches: readings at rest and at constant rates of one temperature, one turn-on and one mounting.
+"""Split a recording into stretches: readings at rest and at constant rates at one temperature, turn-on and mounting.
 
-A stretch ends with a soak, a ramp, a power cycle or a remounting; swings inside it are passed over, and so is the rest
-right after a power cycle, in which the unit warms up.
+A stretch ends with a soak, a ramp, a power cycle or a remounting. Swings inside it are skipped, and so is the rest
+right after a power cycle, during which the unit warms up.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from benchctl.signals.step_reduction import QUIET_KINDS
 
 BREAKS = ("soak", "thermal_ramp", "power_cycle", "mount", "ask")
 LEAST_V2 = 1e-22
-"""Of the variance of a mean: an output that a converter's step hides the noise of does not scatter at all."""
+"""Lower limit of the variance of a mean; an output whose noise is hidden by the converter's step has no scatter."""
 _PIECES = 20
 _SHORTEST_PIECE_S = 10.0
 
@@ -30,9 +30,9 @@ _SHORTEST_PIECE_S = 10.0
 class Reading:
     """Mean output at a constant rate or at rest, in time order.
 
-    `rate_dps` is the encoder's mean over the same samples, `set_dps` the demanded rate; `white_v2` the variance of
-    `output_v` by the noise within it, `coarse_v` its standard uncertainty by the converter's steps as far as noise
-    does not blur them. Rest is cut into pieces of 10 s and more, each a reading.
+    `rate_dps` is the encoder's mean over the same samples, `set_dps` the commanded rate. `white_v2` is the variance of
+    `output_v` due to noise; `coarse_v` is its standard uncertainty due to the converter's steps, reduced by the
+    dithering effect of the noise. Rest is cut into pieces of at least 10 s, each a reading.
     """
 
     step: int
@@ -48,9 +48,9 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """Readings that belong together; `before_c` is the set point that the chamber came from, NaN for the first.
+    """Consecutive readings in one state; `before_c` is the chamber's previous set point, NaN for the first stretch.
 
-    `power_on` counts the times that the unit was switched on before.
+    `power_on` counts the earlier power cycles.
     """
 
     setpoint_c: float
@@ -61,13 +61,13 @@ class Stretch:
 
     @property
     def temperature_c(self) -> float:
-        """Mean of the thermistor; the set point where there is none."""
+        """Mean of the thermistor; the set point if there is no thermistor."""
         mean = float(np.mean([reading.temperature_c for reading in self.readings])) if self.readings else np.nan
         return mean if np.isfinite(mean) else self.setpoint_c
 
 
 def stretches_of(recording: Recording) -> Iterator[Stretch]:
-    """All stretches with readings; steps that were cut are passed over. Several are reduced at a time, in parts."""
+    """Yield all stretches with readings; incomplete steps are skipped. Several are reduced at a time, in parts."""
     current = Stretch(setpoint_c=np.nan, before_c=np.nan, power_on=0, across=False)
     wanted = [info.index for before, info in pairwise([None, *recording.infos]) if info and _is_read(before, info)]
     found = reduced_steps(map(recording.stored_step, wanted), recording.meta)
@@ -125,16 +125,16 @@ def _readings(reduced: ReducedStep, bench: BenchFacts) -> Iterator[Reading]:
 
 
 def _coarse_v(sample_v: float, step_v: float) -> float:
-    """Of the mean of many samples with so much noise through a converter of such steps, standard uncertainty.
+    """Return the standard uncertainty of the mean of many noisy samples due to the converter's step.
 
-    The step's own, uniform, times what noise leaves of the first wave of the rounding, e^(−2π²σ²/step²) (Widrow and
-    Kollár).
+    It is that of a uniform distribution over a step, times the factor by which noise attenuates the first harmonic of
+    the rounding error, e^(−2π²σ²/step²) (Widrow and Kollár).
     """
     return step_v / math.sqrt(12.0) * math.exp(-2.0 * (math.pi * sample_v / step_v) ** 2) if step_v else 0.0
 
 
 def residual_structure_of(recording: Recording) -> StepInfo | None:
-    """Return the longest complete step at rest, except right after a power cycle; None where there is none."""
+    """Return the longest complete step at rest, except right after a power cycle; None if there is none."""
     infos = recording.infos
     warming = {after.index for on, after in pairwise(infos) if on.kind == "power_cycle"}
     resting = [one for one in infos if one.kind == "static" and one.whole and not one.mounting]

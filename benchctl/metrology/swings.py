@@ -1,4 +1,4 @@
-"""A swing of known frequency, fitted by its harmonics: its motion without differentiating, its output's fundamental."""
+"""Fit a swing of known frequency by its harmonics: its motion without differentiation, its output's fundamental."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from benchctl_instruments.arrays import FloatArray
 
 _MOST_HARMONICS, _OF_NYQUIST = 40, 0.8
 _STRIP = 4096
-"""Samples whose columns are in memory at once."""
+"""Samples whose columns are in memory at the same time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Swing:
-    """Samples of a swing, (n,) each, and its fundamentals as phasors.
+    """Samples of a swing, shape (n,) each, and its fundamentals as phasors.
 
-    `rate_dps` is that of the fitted motion; `left_v` what the harmonics leave of the output.
+    `rate_dps` is the rate of the fitted motion; `left_v` is the output's residual after the fit of the harmonics.
     """
 
     time_s: FloatArray
@@ -32,10 +32,10 @@ class Swing:
 
 
 def fitted(step: Step, frequency_hz: float) -> Swing | None:
-    """Fit angle and output by a drift and as many harmonics as there is room for; a rate is jω times its angle.
+    """Fit angle and output by a linear drift and up to 40 harmonics; the rate is jω times the angle.
 
-    The frequency is that of the table's clock: by the stamps' clock it is another, and is taken from the angle. None
-    where angle or output are missing, or have too few samples for one harmonic.
+    `frequency_hz` refers to the table's clock. It differs on the clock of the time stamps, so it is corrected from the
+    angle. Return None if angle or output is missing, or has too few samples for one harmonic.
     """
     if not {"encoder_deg", "gyro_v"} <= step.channels.keys():
         return None
@@ -71,9 +71,9 @@ def fitted(step: Step, frequency_hz: float) -> Swing | None:
 
 
 def _solved(time_s: FloatArray, omega: float, harmonics: int, values: FloatArray) -> FloatArray:
-    """Least squares of values (n, k) on the columns; (2·harmonics + 2, k).
+    """Return the least-squares solution for values (n, k) on the columns; shape (2·harmonics + 2, k).
 
-    Even columns, many rows: the normal equations are as good, and a strip of the columns is enough to gather them.
+    The columns are well scaled, so the normal equations are accurate; they are accumulated from one strip at a time.
     """
     size = 2 * harmonics + 2
     gram, moment = np.zeros((size, size)), np.zeros((size, values.shape[1]))
@@ -85,7 +85,7 @@ def _solved(time_s: FloatArray, omega: float, harmonics: int, values: FloatArray
 
 
 def _columns(time_s: FloatArray, omega: float, harmonics: int) -> FloatArray:
-    """Cosines, sines, 1 and t, shape (n, 2·harmonics + 2); harmonics are powers of the fundamental."""
+    """Return cosines, sines, 1 and t, shape (n, 2·harmonics + 2); harmonics are powers of the fundamental."""
     once = np.exp(1j * omega * time_s)
     powers = np.cumprod(np.broadcast_to(once[:, None], (time_s.size, harmonics)), axis=1)
     return np.concatenate([powers.real, powers.imag, np.stack([np.ones_like(time_s), time_s], axis=1)], axis=1)
@@ -96,7 +96,7 @@ def _strips(samples: int) -> Iterator[slice]:
 
 
 def _by_the_stamps(time_s: FloatArray, angle_deg: FloatArray, frequency_hz: float) -> float:
-    """The frequency by how the phase of the angle moves from the first half of the swing to the second."""
+    """Correct the frequency by the phase shift of the angle from the first half of the swing to the second."""
     half = time_s.size // 2
     if time_s[half] * frequency_hz < 1.0:
         return frequency_hz

@@ -1,8 +1,8 @@
-"""Judge a value with its uncertainty by a limit: PASS, FAIL or INCONCLUSIVE, and what would make it conclusive.
+"""Judge a value with its uncertainty against a limit: PASS, FAIL or INCONCLUSIVE, and what would make it conclusive.
 
 The limits are narrowed by a guard band for acceptance and widened by it for rejection (JCGM 106:2012, 8.3; ILAC-G8):
-with a band of one expanded uncertainty (k = 2) a unit that lies at the limit is accepted, or rejected, in at most 2.3 %
-of all cases. In between the verdict is INCONCLUSIVE. Without a band the value alone counts and the risk is shared.
+with a band of one expanded uncertainty (k = 2) a unit at the limit is accepted, or rejected, in at most 2.3 % of all
+cases. In between the verdict is INCONCLUSIVE. Without a band only the value counts and the risk is shared.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from benchctl.metrology.result import Judged, Limit, Measured, Message, Rule, Un
 from benchctl.units import factor_between
 
 _MOST_TIMES = 10_000
-"""Longest extension of a measurement that is proposed, as a multiple."""
+"""Longest extension of a measurement that is proposed, as a multiple of its duration."""
 
 
 def rule_of(guard: float) -> Rule:
-    """The rule for a guard band of so many expanded uncertainties."""
+    """Return the decision rule for a guard band of so many expanded uncertainties."""
     if guard == 0.0:
         return Rule(guard=0.0, says=message("rule_simple"))
     return Rule(guard=guard, says=message("rule_guarded", guard=guard, risk_percent=100.0 * float(ndtr(-K * guard))))
 
 
 def judged(measured: Measured, limit: Limit | None, rule: Rule) -> Judged:
-    """A result against its limit, in the limit's unit."""
+    """Compare a result with its limit, in the limit's unit."""
     if limit is None:
         return Judged(measured=measured, limit=None, verdict=None)
     measured = in_unit(measured, limit.unit)
@@ -43,7 +43,7 @@ def judged(measured: Measured, limit: Limit | None, rule: Rule) -> Judged:
 
 
 def overall(every: tuple[Judged, ...]) -> Verdict:
-    """FAIL where one fails, INCONCLUSIVE where one is open, else PASS."""
+    """Return FAIL if one result fails, INCONCLUSIVE if one is inconclusive, else PASS."""
     verdicts = {one.verdict for one in every}
     if "FAIL" in verdicts:
         return "FAIL"
@@ -51,7 +51,7 @@ def overall(every: tuple[Judged, ...]) -> Verdict:
 
 
 def in_unit(measured: Measured, unit: str) -> Measured:
-    """The same result in another unit; its tables and pictures keep theirs."""
+    """Return the same result in another unit; its tables and plots keep theirs."""
     factor = factor_between(measured.unit, unit)
     value, uncertainty = measured.value, measured.uncertainty
     return replace(
@@ -86,7 +86,7 @@ def _verdict(measured: Measured, limit: Limit, band: float) -> Verdict:
 
 
 def _remedy(measured: Measured, limit: Limit, rule: Rule) -> Message:
-    """Return how much longer to average for the guard band to end before the limit, if that can help."""
+    """Propose how much longer to average, so that the guard band no longer reaches the limit, if that can help."""
     uncertainty = measured.uncertainty
     if measured.bound or uncertainty is None or rule.guard == 0.0:
         return message("run_procedure", procedure=PROCEDURES[measured.name])
@@ -98,7 +98,7 @@ def _remedy(measured: Measured, limit: Limit, rule: Rule) -> Message:
     variances = {
         kind: math.fsum(one.standard**2 for one in uncertainty.contributors if one.kind == kind) for kind in "AB"
     }
-    # the stated uncertainty may exceed the sum of the contributions: it is shared in their proportion
+    # the stated uncertainty may exceed the sum of the contributions: divide it in their proportion
     stated = (uncertainty.expanded / K) ** 2 / (math.fsum(variances.values()) or math.nan)
     scatter, others = stated * variances["A"], stated * variances["B"]
     if math.isnan(stated):

@@ -1,4 +1,4 @@
-"""What a procedure is written with: steps, patterns of steps, and the `procedure` decorator.
+"""The building blocks of a procedure: steps, patterns of steps, and the `procedure` decorator.
 
 >>> from benchctl.plan import Soak, Static, procedure
 >>> @procedure()

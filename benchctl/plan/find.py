@@ -1,6 +1,7 @@
-"""Finding a procedure by its name or its file; benchctl knows none of them by heart.
+"""Find a procedure by its name or its file.
 
-Names come from the entry points `benchctl.procedures`, ours and other packages'; anything that ends in `.py` is a file.
+Names are those of the entry points `benchctl.procedures` of this and other packages; a name that ends in `.py` is a
+file.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ GROUP = "benchctl.procedures"
 
 
 def procedure_names() -> tuple[str, ...]:
-    """The names of all installed procedures, sorted."""
+    """Return the names of all installed procedures, sorted."""
     return tuple(offers(GROUP))
 
 
 def installed_procedures() -> Iterator[tuple[str, Procedure]]:
-    """All installed procedures by name; what another package adds and cannot be used is left out, with a line said."""
+    """Yield all installed procedures by name; skip unusable ones of other packages with a message."""
     for name in procedure_names():
         try:
             yield name, find_procedure(name)
@@ -35,12 +36,12 @@ def installed_procedures() -> Iterator[tuple[str, Procedure]]:
 
 
 def find_procedure(name: str) -> Procedure:
-    """The procedure of that name, or the only one in that file.
+    """Return the procedure of that name, or the only one in that file.
 
     Raises
     ------
     UsageError
-        Where there is none, or the file, or the package that adds it, cannot be used.
+        If there is none, or if the file, or the package that provides it, cannot be used.
     """
     if name.endswith(".py"):
         return _from_file(Path(name))
@@ -55,16 +56,16 @@ def find_procedure(name: str) -> Procedure:
 
 
 class _LeavesNothing(SourceFileLoader):
-    """Writes no `__pycache__` into the folder of a user's file."""
+    """A loader that writes no `__pycache__` into the folder of a user's file."""
 
     def set_data(self, path: str, data: object, *, _mode: int = 0) -> None:
-        """Keep nothing."""
+        """Write nothing."""
 
 
 def _from_file(path: Path) -> Procedure:
     try:
         is_there = path.is_file()
-    except OSError:  # a name longer than the system takes
+    except OSError:  # the name is longer than the system allows
         is_there = False
     if not is_there:
         name = cut(str(path))
@@ -74,11 +75,11 @@ def _from_file(path: Path) -> Procedure:
     if spec is None or spec.loader is None:
         raise UsageError(f"procedure {path}: is no Python file, expected one that ends in .py")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses in it, and the source of the whole file, are looked up there
+    sys.modules[spec.name] = module  # dataclasses and `inspect` look the module up there
     try:
         spec.loader.exec_module(module)
     except BaseException as err:
-        # Whatever a user's script raises while it is loaded is a fault of the script, told in one line.
+        # Any exception that a user's script raises while it is loaded is a fault of the script, reported in one line.
         if isinstance(err, KeyboardInterrupt):
             raise
         raise UsageError(f"procedure {path}: cannot be loaded: {fault_in(str(path), err)}") from err

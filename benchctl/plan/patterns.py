@@ -1,4 +1,4 @@
-"""Patterns that procedures share: levels, both directions in turn, whole revolutions, zeros before and after."""
+"""Patterns shared by procedures: levels, alternating directions, complete revolutions, zero readings around runs."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from benchctl.limits import MOST_STEPS
 from benchctl.plan.steps import ConstantRate, Mount, PowerCycle, Role, Sine, Static
 
 LONGEST_REVOLUTION_S = 180.0
-"""Below 2 °/s a revolution takes longer than is worth waiting for; such a rate runs for the time that was asked."""
+"""A revolution below 2 °/s takes longer than this; such a rate runs for the requested time only."""
 
 ZERO_EVERY = 4
-"""Rates of a cycle between two zero readings, which tell how the bias drifts."""
+"""Number of rates of a cycle between two zero readings, which show the drift of the bias."""
 
 
 def levels(top: float, count: int) -> tuple[float, ...]:
-    """`count` evenly spaced levels from top/count to `top`.
+    """Return `count` evenly spaced levels from top/count to `top`.
 
     >>> levels(50.0, 5)
     (10.0, 20.0, 30.0, 40.0, 50.0)
@@ -26,7 +26,7 @@ def levels(top: float, count: int) -> tuple[float, ...]:
 
 
 def set_points(coldest_c: float, hottest_c: float, count: int) -> tuple[float, ...]:
-    """`count` evenly spaced temperatures, both ends included, to a hundredth of a degree.
+    """Return `count` evenly spaced temperatures, both ends included, rounded to a hundredth of a degree.
 
     >>> set_points(-40.0, 60.0, 3)
     (-40.0, 10.0, 60.0)
@@ -43,7 +43,7 @@ def _require_count(count: int) -> None:
 
 
 def alternating(rates_dps: Iterable[float]) -> tuple[float, ...]:
-    """Both directions of every rate, in alternating order, so that a drift does not look like an asymmetry.
+    """Return both directions of every rate, alternating, so that a drift is not mistaken for an asymmetry.
 
     >>> alternating([10.0, 20.0])
     (10.0, -10.0, 20.0, -20.0)
@@ -52,7 +52,7 @@ def alternating(rates_dps: Iterable[float]) -> tuple[float, ...]:
 
 
 def whole_revolutions(rate_dps: float, at_least_s: float) -> float:
-    """The shortest time [s], not under `at_least_s`, in which the table makes whole revolutions.
+    """Return the shortest time [s], at least `at_least_s`, in which the table makes complete revolutions.
 
     >>> whole_revolutions(50.0, 30.0)
     36.0
@@ -63,7 +63,7 @@ def whole_revolutions(rate_dps: float, at_least_s: float) -> float:
 
 
 def whole_cycles(frequency_hz: float, at_least_s: float) -> int:
-    """The fewest whole periods that take `at_least_s`, and at least one.
+    """Return the smallest number of complete periods, at least one, that lasts `at_least_s` or longer.
 
     >>> whole_cycles(0.4, 30.0)
     12
@@ -74,7 +74,7 @@ def whole_cycles(frequency_hz: float, at_least_s: float) -> int:
 def rates_between_zeros(
     rates_dps: Iterable[float], *, at_least_s: float, zero_s: float, settle_s: float = 2.0, role: Role = "fit"
 ) -> Iterator[Static | ConstantRate]:
-    """A zero reading, every rate in both directions over whole revolutions, and a zero reading again."""
+    """Yield a zero reading, every rate in both directions over complete revolutions, and a second zero reading."""
     yield Static(duration_s=zero_s, settle_s=settle_s, role=role)
     for rate_dps in alternating(rates_dps):
         yield ConstantRate(
@@ -86,9 +86,9 @@ def rates_between_zeros(
 def rate_cycle(
     rates_dps: Iterable[float], *, at_least_s: float, zero_s: float, settle_s: float = 2.0
 ) -> Iterator[Static | ConstantRate]:
-    """Up the rates and down again in one direction, then in the other, with zero readings around and between.
+    """Yield increasing, then decreasing rates in one direction, then in the other, with zero readings in between.
 
-    It shows what the output remembers of the rate before.
+    This shows the hysteresis of the output in rate. The first and the last step are zero readings.
     """
     up = tuple(rates_dps)
     for sign in (1, -1):
@@ -105,7 +105,7 @@ def rate_cycle(
 def small_steps(
     base_dps: float, steps_dps: Iterable[float], *, run_s: float, settle_s: float = 2.0
 ) -> Iterator[Static | ConstantRate]:
-    """Small steps about a base rate, to either side, and the base again around each, growing."""
+    """Yield steps of increasing size above and below a base rate, with the base rate before and after each pair."""
     yield _hold(base_dps, run_s, settle_s)
     for step_dps in steps_dps:
         yield ConstantRate(rate_dps=base_dps + step_dps, duration_s=run_s, settle_s=settle_s)
@@ -120,14 +120,14 @@ def _hold(rate_dps: float, run_s: float, settle_s: float) -> Static | ConstantRa
 
 
 def slow_swing(amplitude_dps: float, frequency_hz: float, cycles: int) -> Sine:
-    """A swing so slow that the output is as at rest at every rate."""
+    """Return a sine so slow that the output is quasi-static at every rate."""
     return Sine(amplitude_dps=amplitude_dps, frequency_hz=frequency_hz, cycles=cycles)
 
 
 def turn_ons(
     rates_dps: Iterable[float], count: int, *, off_s: float, warm_s: float, at_least_s: float, zero_s: float
 ) -> Iterator[PowerCycle | Static | ConstantRate]:
-    """The unit off, on, warm, and a short sweep between zero readings: so many times."""
+    """Yield `count` times: unit off, on, warm-up at rest, and a short rate sweep between zero readings."""
     rates = tuple(rates_dps)
     for _ in range(count):
         yield PowerCycle(off_s=off_s)
@@ -136,7 +136,7 @@ def turn_ons(
 
 
 def across(rates_dps: Iterable[float], *, at_least_s: float, zero_s: float) -> Iterator[Mount | Static | ConstantRate]:
-    """The unit mounted across the table's axis, rates in both directions between zeros, and mounted along it again."""
+    """Yield a mount across the table's axis, rates in both directions between zeros, and a mount along the axis."""
     yield Mount(position="across")
     yield from rates_between_zeros(rates_dps, at_least_s=at_least_s, zero_s=zero_s)
     yield Mount(position="along")

@@ -1,7 +1,7 @@
-"""A procedure: a function that yields steps, with its parameters read off its signature.
+"""A procedure: a function that yields steps, with its parameters taken from its signature.
 
 A parameter is a keyword with a default; its type is `float`, `int`, `bool`, `str` or `tuple[float, ...]`.
-`Annotated[int, "what it is, in which unit", Range(1, 100)]` documents it and declares which numbers it takes.
+`Annotated[int, "description with unit", Range(1, 100)]` documents it and declares the valid numbers.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from benchctl_instruments.errors import BenchError, UsageError
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """The numbers that a parameter takes, in its own unit; of a list, each of its numbers.
+    """The valid numbers of a parameter, in its own unit; for a list, of each of its numbers.
 
-    `low` and `high` are in the range, `low` only where `above` is false.
+    The range includes `high`, and `low` unless `above` is true.
     """
 
     low: float = -math.inf
@@ -47,14 +47,14 @@ class Range:
 
 
 POSITIVE = Range(0.0, above=True)
-"""More than 0, as a duration, a rate or a frequency is."""
+"""More than 0, for durations, rates and frequencies."""
 
 ANY = Range()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """A parameter of a procedure; `says` is what it is, in words. Its name states the unit of its numbers."""
+    """A parameter of a procedure; `says` is its description. Its name states the unit of its numbers."""
 
     name: str
     type: Any
@@ -63,12 +63,12 @@ class Parameter:
     range: Range = ANY
 
     def parse(self, text: str) -> Any:
-        """The value that a text on the command line stands for; numbers may bring a unit, see `benchctl.units`.
+        """Convert a text from the command line to a value; numbers may have a unit, see `benchctl.units`.
 
         Raises
         ------
         UsageError
-            Where the text is not of the parameter's type, or a number is out of its range.
+            If the text is not of the parameter's type, or a number is out of range.
         """
         try:
             value = _PARSERS[self.type](text, unit_stated(self.name))
@@ -78,7 +78,7 @@ class Parameter:
         return value
 
     def require_in_range(self, value: Any) -> None:
-        """Raise `UsageError` where a value of the parameter's type has a number out of the range."""
+        """Raise `UsageError` if a value of the parameter's type contains a number out of range."""
         if self.range == ANY:
             return
         for number in value if isinstance(value, tuple) else (value,):
@@ -88,7 +88,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """The steps of a procedure with these parameters, and where they came from."""
+    """The steps of a procedure with these parameters, and the source of the procedure."""
 
     procedure: str
     parameters: Mapping[str, Any]
@@ -101,7 +101,7 @@ class Plan:
 class Procedure:
     """A procedure that can be listed, checked and run.
 
-    `calibrates` says that its recording holds what a calibration needs, so that `run` fits it at once.
+    If `calibrates` is true, its recording contains the data for a calibration, and `run` fits it immediately.
     """
 
     function: Callable[..., Iterable[Step]]
@@ -118,17 +118,17 @@ class Procedure:
 
     @property
     def says(self) -> str:
-        """What it measures: the first line of the docstring."""
+        """The first line of the docstring, which states what the procedure measures."""
         return (inspect.getdoc(self.function) or "").partition("\n")[0]
 
     def expand(self, texts: Mapping[str, str] | None = None) -> Plan:
-        """The steps with these parameters, given as texts; the others keep their defaults.
+        """Return the plan with these parameters, given as texts; the others keep their defaults.
 
         Raises
         ------
         UsageError
-            For a parameter that it does not have, a value of the wrong type or out of range, a combination that it
-            refuses, or where it yields something else than steps or more than `MOST_STEPS`.
+            For an unknown parameter, a value of the wrong type or out of range, a combination that the procedure
+            refuses, or if it yields anything but steps or more than `MOST_STEPS`.
         """
         known = {parameter.name: parameter for parameter in self.parameters}
         values = {name: parameter.default for name, parameter in known.items()}
@@ -141,7 +141,7 @@ class Procedure:
             with _limited_time():
                 steps = tuple(itertools.islice(self.function(**values), MOST_STEPS + 1))
         except BaseException as err:
-            # Whatever a user's procedure raises is a fault of it or of its parameters, told in one line.
+            # Any exception of a user's procedure is a fault of it or of its parameters, reported in one line.
             if isinstance(err, KeyboardInterrupt):
                 raise
             where = fault_in(inspect.getfile(inspect.unwrap(self.function)), err)
@@ -164,7 +164,7 @@ class Procedure:
         )
 
     def _source(self) -> str:
-        """The whole file that it stands in; empty where there is none, as for one typed at a prompt."""
+        """Return the text of the file that defines it; empty if there is none, such as at an interactive prompt."""
         try:
             return inspect.getsource(inspect.getmodule(self.function) or self.function)
         except (OSError, TypeError):
@@ -192,9 +192,9 @@ def _read_parameters(function: Callable[..., Iterable[Step]]) -> Iterable[Parame
                 f"procedure {function.__name__}: parameter {name} needs a default and a type of "
                 "float, int, bool, str or tuple[float, ...]"
             )
-        says = next((each for each in described if isinstance(each, str)), "")
+        text = next((each for each in described if isinstance(each, str)), "")
         limits = next((each for each in described if isinstance(each, Range)), ANY)
-        parameter = Parameter(name=name, type=hint, default=signed.default, says=says, range=limits)
+        parameter = Parameter(name=name, type=hint, default=signed.default, says=text, range=limits)
         try:
             parameter.require_in_range(parameter.default)
         except UsageError as err:
@@ -204,10 +204,10 @@ def _read_parameters(function: Callable[..., Iterable[Step]]) -> Iterable[Parame
 
 @contextmanager
 def _limited_time() -> Iterator[None]:
-    """Raise `TimeoutError` in a user's code that computes for longer than `LONGEST_EXPANSION_S`.
+    """Raise `TimeoutError` in user code that computes for longer than `LONGEST_EXPANSION_S`.
 
-    Processor time counts, so that a busy machine changes nothing. Only the main thread can be interrupted so, and not
-    on Windows.
+    The limit applies to processor time and is thus independent of the machine's load. It works in the main thread
+    only, and not on Windows.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
@@ -226,10 +226,10 @@ def _limited_time() -> Iterator[None]:
 
 
 def fault_in(file: str, err: BaseException) -> str:
-    """What an error says, in one line; it begins with the line of `file` that raised it, where that is known."""
+    """Return the message of an error in one line, preceded by the line of `file` that raised it, if known."""
     lines = [frame.lineno for frame in traceback.extract_tb(err.__traceback__) if frame.filename == file]
-    says = str(err) if isinstance(err, BenchError) else f"{type(err).__name__}: {err}"
-    return f"{f'{file}, line {lines[-1]}: ' if lines else ''}{cut(' '.join(says.split()))}"
+    message = str(err) if isinstance(err, BenchError) else f"{type(err).__name__}: {err}"
+    return f"{f'{file}, line {lines[-1]}: ' if lines else ''}{cut(' '.join(message.split()))}"
 
 
 def _parse_whole(text: str, unit: str) -> int:
@@ -274,4 +274,4 @@ _PARSERS: dict[Any, Callable[[str, str], Any]] = {
     str: lambda text, unit: text,
     tuple[float, ...]: _parse_numbers,
 }
-"""What makes a value of a text and of the unit that the parameter's name states."""
+"""Functions that convert a text to a value, given the unit that the parameter's name states."""

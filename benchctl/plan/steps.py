@@ -1,6 +1,7 @@
-"""The steps of a campaign: what the bench is asked to do, as data.
+"""The steps of a campaign: the actions of the bench, as data.
 
-Steps say nothing of any instrument, so that a plan can be checked, priced, drawn, resumed and compared without one.
+Steps are independent of the instruments, so that a plan can be checked, timed, drawn, resumed and compared without
+them.
 """
 
 from __future__ import annotations
@@ -15,21 +16,21 @@ from benchctl.limits import LONGEST_STEP_S, shown
 from benchctl_instruments.mounting import Position
 
 Role = Literal["fit", "verify"]
-"""`verify` marks a run that is kept aside: no fit may see it."""
+"""`verify` marks a held-out run, which no fit may use."""
 
 _WORDS: Mapping[str, tuple[str, ...]] = {"role": get_args(Role), "position": get_args(Position)}
-"""Fields that are one of some words."""
+"""Fields with a fixed set of values."""
 
 _TEXTS = frozenset({"says"})
-"""Fields that are any line of text; every other one that is no word of `_WORDS` is a number."""
+"""Fields that are a free line of text; all fields not listed here or in `_WORDS` are numbers."""
 
 LONGEST_TEXT = 160
-"""Of a line that an operator is to read."""
+"""The largest number of characters of a line for the operator."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseStep:
-    """What every step can tell of itself without a bench."""
+    """The base class of all steps: the properties that do not depend on a bench."""
 
     kind: ClassVar[str]
 
@@ -46,27 +47,27 @@ class BaseStep:
 
     @property
     def label(self) -> str:
-        """What the operator reads."""
+        """The name shown to the operator."""
         return self.kind
 
     @property
     def peak_rate_dps(self) -> float:
-        """The largest rate that the table reaches."""
+        """The largest rate of the table."""
         return 0.0
 
     @property
     def peak_acceleration_dps2(self) -> float:
-        """The largest acceleration that the step itself asks for; spin-up adapts to the bench."""
+        """The largest acceleration required by the step itself; the spin-up is adapted to the bench."""
         return 0.0
 
     @property
     def streamed_s(self) -> float:
-        """How long the digitizer streams."""
+        """The duration of streaming by the digitizer."""
         return 0.0
 
 
 def _plain(step: str, field: str, value: object) -> float:
-    """A number of any library as Python's own."""
+    """Convert a number of any library to a Python int or float."""
     if not isinstance(value, Real):
         raise TypeError(f"{step}: {field} is {shown(value)}, expected a number")
     try:
@@ -85,11 +86,11 @@ def _require_line(step: str, field: str, value: object) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Soak(BaseStep):
-    """Bring the chamber to a set point and wait until the gyro has followed, the table at rest.
+    """Bring the chamber to a set point and wait until the gyro has followed, with the table at rest.
 
-    The soak is over when the air has stayed within `tolerance_c` of the set point for `hold_s` and the gyro's
-    thermistor moves by less than `drift_c_per_min`; it fails when that has not happened `timeout_s` after the air
-    should have arrived.
+    The soak ends when the air has stayed within `tolerance_c` of the set point for `hold_s` and the gyro's thermistor
+    drifts by less than `drift_c_per_min`; it fails if this is not reached within `timeout_s` after the expected arrival
+    of the air temperature.
     """
 
     kind: ClassVar[str] = "soak"
@@ -124,7 +125,7 @@ class Static(BaseStep):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConstantRate(BaseStep):
-    """The output at a constant rate; whole revolutions average Earth's rate, tilt and eccentricity out."""
+    """The output at a constant rate; complete revolutions average out Earth's rate, tilt and eccentricity."""
 
     kind: ClassVar[str] = "constant_rate"
 
@@ -184,10 +185,10 @@ class Sine(BaseStep):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalRamp(BaseStep):
-    """Ramp the chamber from where it is to `to_c` while the table moves and the digitizer streams.
+    """Ramp the chamber from its present temperature to `to_c` while the table moves and the digitizer streams.
 
-    The table turns at `rate_dps`, or swings, `swing_dps` the peak of its rate: swinging shows scale factor and bias at
-    every temperature, turning every heading.
+    The table either turns at `rate_dps` or swings with the peak rate `swing_dps`. Swinging shows scale factor and bias
+    at every temperature; turning covers every heading.
     """
 
     kind: ClassVar[str] = "thermal_ramp"
@@ -224,9 +225,9 @@ class ThermalRamp(BaseStep):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerCycle(BaseStep):
-    """The unit's supply off for `off_s`, then on again, the table at rest; it ends when the supply is on.
+    """Switch the unit's supply off for `off_s`, then on again, with the table at rest.
 
-    The unit is on before the first step, and after every one.
+    The step ends when the supply is on. The unit is on before the first step and after every step.
     """
 
     kind: ClassVar[str] = "power_cycle"
@@ -241,7 +242,7 @@ class PowerCycle(BaseStep):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mount(BaseStep):
-    """Mount the unit with its input axis along the table's axis, as before the first step, or across it."""
+    """Mount the unit with its input axis along the table's axis (the initial position) or across it."""
 
     kind: ClassVar[str] = "mount"
 
@@ -255,10 +256,10 @@ class Mount(BaseStep):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ask(BaseStep):
-    """Ask the operator to do something, the table at rest, and wait until it is done.
+    """Ask the operator to do something, with the table at rest, and wait until it is done.
 
-    `says` is what to do, as one would say it: "close the chamber's door". What is done stays done: a resumed run asks
-    again only where nobody had answered.
+    `says` is the instruction, such as "close the chamber's door". A resumed run repeats the question only if it was not
+    answered before.
     """
 
     kind: ClassVar[str] = "ask"
@@ -272,12 +273,12 @@ class Ask(BaseStep):
 
 
 ByHand = PowerCycle | Mount | Ask
-"""Steps that no instrument of the bench does."""
+"""Steps performed by the operator, not by an instrument of the bench."""
 
 Step = Soak | Static | ConstantRate | Sine | ThermalRamp | PowerCycle | Mount | Ask
 
 Polled = Soak | PowerCycle | Mount | Ask
-"""Steps in which nothing is streamed: what is polled is all that is recorded of them."""
+"""Steps without streaming: only polled values are recorded."""
 
 _POSITIVE = frozenset(
     {
@@ -297,24 +298,24 @@ _NOT_NEGATIVE = frozenset({"settle_s", "settle_cycles", "hold_s", "swing_dps"})
 
 
 def faults(step: Step) -> Iterator[str]:
-    """What no bench could do about a step, in words: numbers that are not finite, durations not positive or endless."""
+    """Yield faults of a step that are independent of the bench: numbers not finite, not positive, or too large."""
     found = False
     for field in fields(step):
         value = getattr(step, field.name)
         if field.name in _WORDS or field.name in _TEXTS:
             continue
-        says = ""
+        fault = ""
         if not math.isfinite(value):
-            says = f"{value}, expected a finite number"
+            fault = f"{value}, expected a finite number"
         elif field.name in _POSITIVE and value <= 0:
-            says = f"{value:g}, expected more than 0"
+            fault = f"{value:g}, expected more than 0"
         elif field.name in _NOT_NEGATIVE and value < 0:
-            says = f"{value:g}, expected 0 or more"
+            fault = f"{value:g}, expected 0 or more"
         elif field.name.endswith("_s") and value > LONGEST_STEP_S:
-            says = f"{value:g}, expected at most {LONGEST_STEP_S:.0f}, a year"
-        if says:
+            fault = f"{value:g}, expected at most {LONGEST_STEP_S:.0f}, a year"
+        if fault:
             found = True
-            yield f"{field.name} is {says}"
+            yield f"{field.name} is {fault}"
     if not found and step.streamed_s > LONGEST_STEP_S:
         yield f"streams for {step.streamed_s:g} s, expected at most {LONGEST_STEP_S:.0f}, a year"
     if isinstance(step, ThermalRamp) and step.rate_dps and step.swing_dps:
@@ -322,7 +323,7 @@ def faults(step: Step) -> Iterator[str]:
 
 
 def positions(steps: Sequence[Step]) -> Iterator[Position]:
-    """How the unit is mounted while each step is played, and of a `Mount` once it is over."""
+    """Yield the mounting position of the unit during each step; for a `Mount`, the position after it."""
     position: Position = "along"
     for step in steps:
         if isinstance(step, Mount):

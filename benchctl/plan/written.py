@@ -1,4 +1,4 @@
-"""A plan written down again: as a procedure's file, and as the command that runs it."""
+"""Write a plan as the source of a procedure, and its parameters as command line arguments."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchctl.plan.steps import Step
 
 
 def plan_source(plan: Plan, says: str) -> str:
-    """A file with one procedure that yields the plan's very steps; its docstring begins with `says`."""
+    """Return the source of a procedure that yields exactly the steps of the plan; its docstring begins with `says`."""
     kinds = sorted({type(step).__name__ for step in plan.steps}, key=str.lower)
     given = ", ".join(f"{name}={text}" for name, text in as_texts(plan.parameters).items())
     return "\n".join(
@@ -30,7 +30,7 @@ def plan_source(plan: Plan, says: str) -> str:
 
 
 def as_texts(parameters: Mapping[str, Any]) -> dict[str, str]:
-    """Parameters as `-p NAME=VALUE` takes them."""
+    """Return parameters as texts for `-p NAME=VALUE`."""
     return {
         name: ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
         for name, value in parameters.items()
@@ -38,11 +38,11 @@ def as_texts(parameters: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _call(step: Step) -> str:
-    """The call that makes a step; what is as it would be anyhow is left out."""
+    """Return the call that creates a step, without arguments equal to their defaults."""
     given = {field.name: getattr(step, field.name) for field in fields(step)}
     usual = {field.name: field.default for field in fields(step) if field.default is not MISSING}
-    told = [f"{name}={_literal(value)}" for name, value in given.items() if name not in usual or usual[name] != value]
-    return f"{type(step).__name__}({', '.join(told)})"
+    items = [f"{name}={_literal(value)}" for name, value in given.items() if name not in usual or usual[name] != value]
+    return f"{type(step).__name__}({', '.join(items)})"
 
 
 def _literal(value: Any) -> str:

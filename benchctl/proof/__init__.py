@@ -1,1 +1,1 @@
-"""Sealed trials: concealed physics is drawn, run through the bench's wires, diagnosed blind, unsealed and scored."""
+"""Sealed trials: draw concealed physics, simulate and record it, diagnose the recording blind, unseal and score."""

@@ -1,9 +1,9 @@
-"""The process that does not know: diagnoses a recording of which it is given nothing but the path.
+"""Diagnose a recording blind: the process receives only the path of the recording.
 
     python -m benchctl.proof.blind RECORDING --arm physics --out FILE.json [--without EFFECT,EFFECT] [--part PART]
 
-`--arm generic` runs the sparse regression in place of the diagnosis. The file holds what was said (`said`), the time
-that it took from the opening of the recording (`seconds`) and the largest memory of the process (`peak_bytes`).
+`--arm generic` runs the sparse regression instead of the diagnosis. The file holds the answer (`said`), the duration
+including the opening of the recording (`seconds`) and the peak memory of the process (`peak_bytes`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from benchctl_instruments.errors import BenchError
 
 
 def physics(path: Path, without: tuple[str, ...], part: Part = "gyro") -> dict[str, Any]:
-    """What the diagnosis of a part says, without hypotheses of these effects."""
+    """Return the diagnosis of a part as JSON data, without the hypotheses of these effects."""
     from benchctl.diagnosis import diagnose
 
     with open_recording(path) as recording:
@@ -30,7 +30,7 @@ def physics(path: Path, without: tuple[str, ...], part: Part = "gyro") -> dict[s
 
 
 def generic(path: Path) -> dict[str, Any]:
-    """What the sparse regression says."""
+    """Return the result of the sparse regression."""
     from benchctl.proof.generic.arm import regress
 
     with open_recording(path) as recording:
@@ -38,30 +38,32 @@ def generic(path: Path) -> dict[str, Any]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The process; its exit status is that of a verb."""
+    """Run the process and return its exit status, that of a command of the suite."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("recording", type=Path)
     parser.add_argument("--arm", choices=("physics", "generic"), default="physics")
     parser.add_argument("--without", default="")
     parser.add_argument("--part", choices=("gyro", "drive", "chamber"), default="gyro")
     parser.add_argument("--out", type=Path, required=True)
-    asked = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     began_s = time.monotonic()
     try:
-        if asked.arm == "generic":
-            said = generic(asked.recording)
+        if options.arm == "generic":
+            answer = generic(options.recording)
         else:
-            said = physics(asked.recording, tuple(name for name in asked.without.split(",") if name), asked.part)
+            answer = physics(
+                options.recording, tuple(name for name in options.without.split(",") if name), options.part
+            )
     except BenchError as err:
         sys.stderr.write(f"{err}\n")
         return err.exit_status
-    found = {"said": said, "seconds": time.monotonic() - began_s, "peak_bytes": peak_bytes()}
-    asked.out.write_text(json.dumps(found), encoding="utf-8")
+    found = {"said": answer, "seconds": time.monotonic() - began_s, "peak_bytes": peak_bytes()}
+    options.out.write_text(json.dumps(found), encoding="utf-8")
     return 0
 
 
 def peak_bytes() -> int | None:
-    """The largest memory that this process has held; None where the system does not say."""
+    """Return the peak memory of this process; None if the system does not report it."""
     if sys.platform == "win32":
         return None
     import resource

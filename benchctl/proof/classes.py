@@ -1,4 +1,4 @@
-"""The classes of trials: what each conceals, and how many of them there are."""
+"""The classes of trials: what each conceals, and how many trials of each are run."""
 
 from __future__ import annotations
 
@@ -36,24 +36,24 @@ ClassName = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialClass:
-    """A kind of trial.
+    """A class of trials.
 
     Attributes
     ----------
     says
-        What it conceals, in words.
+        What it conceals, as text for reports.
     verdict
-        What a diagnosis should come to.
+        The correct verdict of a diagnosis.
     weight
-        How many there are in a proof of the usual size.
+        Number of trials in a proof of the usual size.
     effects
-        How many effects of the vocabulary are concealed beside a wandering bias.
+        Number of effects of the vocabulary that are concealed, in addition to a wandering bias.
     share
-        Their size, as a share of the full one; None: as small as makes them worth `FAINT_GAIN`.
+        Their size, as a share of the full size; None: the size at which their gain is `FAINT_GAIN`.
     wandering
         Whether the bias wanders.
     structure
-        Whether a structure without a name is concealed, too; such trials come only where they are asked for.
+        Whether a structure without a name is concealed, too; such classes run only on request.
     """
 
     says: str
@@ -67,12 +67,12 @@ class TrialClass:
 
     @property
     def usual(self) -> bool:
-        """Whether it belongs to a proof that names no classes."""
+        """Whether the class belongs to a proof that names no classes."""
         return not self.structure and self.part == "gyro"
 
 
 FAINT_GAIN = 200.0
-"""What a faint effect is worth in twice the log likelihood."""
+"""Gain of a faint effect, in twice the log likelihood."""
 
 CLASSES: MappingProxyType[ClassName, TrialClass] = MappingProxyType(
     {
@@ -134,7 +134,7 @@ USUAL_TRIALS = sum(kind.weight for kind in CLASSES.values() if kind.usual)
 
 
 def class_names(names: Collection[str]) -> tuple[ClassName, ...]:
-    """The classes of these names, in their order; `UsageError` for one that there is not."""
+    """Return the classes with these names, in the order of `CLASSES`; raise `UsageError` for an unknown name."""
     for name in names:
         if name not in CLASSES:
             raise UsageError(f"class {name!r}: there is no such class of trials; {meant(name, CLASSES)}")
@@ -142,10 +142,10 @@ def class_names(names: Collection[str]) -> tuple[ClassName, ...]:
 
 
 def allotted(trials: int, only: Collection[str] = ()) -> tuple[ClassName, ...]:
-    """The class of each trial: in proportion to the weights and spread evenly, so that any beginning is a fair sample.
+    """Return the class of each trial, in proportion to the weights and spread evenly: any first part is a fair sample.
 
-    More trials of the same classes begin with the same ones. `only` names the classes, the usual ones where it is
-    empty.
+    A longer list for the same classes begins with the shorter one. `only` names the classes; if it is empty, the usual
+    ones are used.
     """
     chosen = {name: kind.weight for name, kind in CLASSES.items() if (name in only if only else kind.usual)}
     total = sum(chosen.values())

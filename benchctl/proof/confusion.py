@@ -1,4 +1,4 @@
-"""What was drawn against what was stated, counted."""
+"""Confusion matrix of drawn and stated effects."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ import numpy.typing as npt
 from benchctl.proof.trial import Answer, Trial
 
 NOTHING, UNKNOWN, WITHHELD, BESIDE = "nothing", "unknown structure", "hypothesis withheld", "beside others"
-"""Rows and columns that are no effects. `BESIDE`, a row, counts what was made up where all that was drawn was named."""
+"""Rows and columns that are no effects. The row `BESIDE` counts false positives of trials without a missed effect."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Confusion:
-    """Counts, shape (rows, columns): of what was drawn (a row) what was stated (a column).
+    """Counts, shape (rows, columns): a row per drawn effect, a column per stated one.
 
-    An effect that was missed counts under all that was made up in its place, under `NOTHING` where nothing was.
+    A missed effect counts in the columns of all false positives of its trial; if there are none, under `UNKNOWN` or
+    `NOTHING`.
     """
 
     rows: tuple[str, ...]
@@ -27,17 +28,17 @@ class Confusion:
     counts: npt.NDArray[np.int64]
 
     def is_right(self, row: int, column: int) -> bool:
-        """Whether what counts there was as it should be."""
+        """Return whether the answers counted in this cell are right."""
         drawn, stated = self.rows[row], self.columns[column]
         return stated == (UNKNOWN if drawn == WITHHELD else drawn)
 
     def as_json(self) -> dict[str, object]:
-        """Plain data."""
+        """Return the matrix as JSON data."""
         return {"drawn": list(self.rows), "stated": list(self.columns), "counts": self.counts.tolist()}
 
 
 def confusion(trials: Sequence[Trial], answer: Callable[[Trial], Answer | None]) -> Confusion:
-    """The matrix of the answers of one arm; trials without an answer are left out."""
+    """Return the confusion matrix of one arm; trials without an answer are left out."""
     pairs: Counter[tuple[str, str]] = Counter()
     for trial in trials:
         if (found := answer(trial)) is not None and found.score is not None:

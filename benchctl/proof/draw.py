@@ -1,4 +1,4 @@
-"""Draws what the trials of a proof conceal: by chance, and the same for the same seed."""
+"""Draw what the trials of a proof conceal: random, but reproducible for a given seed."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from benchctl_instruments.physics.structures import structure_named
 PROCEDURE = "diagnostic"
 
 LEAST_GAIN = 1000.0
-"""A concealed effect, faint ones apart, is worth at least that: less is no question of physics but of noise.
+"""Minimum gain of a concealed effect, except a faint one; a smaller one would test the noise and not the physics.
 
-Beside a bias that wanders it is worth what a faint one is alone.
+In the presence of a wandering bias the minimum is `FAINT_GAIN`.
 """
 
 _TRIES = 60
@@ -41,17 +41,17 @@ _ALIKE = (
     frozenset({"thermal_lag", "thermal_hysteresis"}),
     frozenset({"adc_coarse", "adc_nonlinearity"}),
 )
-"""Of each of these no trial conceals two: one run cannot hold them apart."""
+"""No trial conceals two effects of the same group: a single run cannot distinguish them."""
 
 _DELAYS = frozenset({"sensor_bandwidth", "mount_resonance"})
-"""A quarter or less of their size lies so far above the motion that they are a delay, and have its name."""
+"""At a quarter of their size or less they act so far above the motion's frequencies that they are mere delays."""
 
 _ABRUPT = frozenset({"saturation", "two_rails", "fringe_ambiguity"})
-"""Effects that cannot be faint: beside them there are a few samples or none."""
+"""Effects that cannot be faint: when small, they change only a few samples or none."""
 
 
 def draw(seed: int, index: int, kind: ClassName) -> Truth:
-    """What trial `index` of a proof conceals."""
+    """Return what trial `index` of a proof conceals."""
     wanted = CLASSES[kind]
     rng = np.random.default_rng([seed, index])
     nonce = np.random.default_rng([seed, index, 1]).bytes(16).hex()
@@ -80,12 +80,12 @@ def draw(seed: int, index: int, kind: ClassName) -> Truth:
 
 
 def plan_of(unit: TrialUnit) -> Plan:
-    """What a unit is put through."""
+    """Return the plan that a unit runs."""
     return find_procedure(PROCEDURE).expand(unit.parameters)
 
 
 def _outside(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What is withheld, and where that lives."""
+    """Return the effects that are withheld, and the coordinates in which they appear."""
     found = {name: kind for name in names if (kind := structure_named(name)) is not None}
     if found:
         return tuple(found), tuple(word for kind in found.values() for word in kind.word.split("*"))
@@ -94,9 +94,9 @@ def _outside(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def _chosen(rng: np.random.Generator, kind: ClassName, wanted: TrialClass) -> list[str]:
-    """The names of what is concealed."""
+    """Draw the names of the concealed effects."""
     names = [str(rng.choice(WANDERING))] if wanted.wandering else []
-    if wanted.structure:  # of a faint one there is one: two would be worth more
+    if wanted.structure:  # only one for a faint trial: two would have a larger gain
         structures = drawn_structures(rng, predicted=wanted.share is None or wanted.wandering)
         names += structures[:1] if wanted.share is None else structures
     pool, so_many = _pool(kind, wanted), len(names) + wanted.effects
@@ -117,18 +117,18 @@ def _pool(kind: ClassName, wanted: TrialClass) -> Sequence[str]:
 
 
 def alike(name: str, names: Collection[str]) -> bool:
-    """Whether an effect is one of these, or one that a single run cannot hold apart from them."""
+    """Return whether an effect is one of these, or cannot be distinguished from one of them by a single run."""
     return name in names or any(name in group and not group.isdisjoint(names) for group in _ALIKE)
 
 
 def _lacking(names: Collection[str]) -> frozenset[str]:
-    """Terms that the lab's model must lack, for them to be missing physics."""
+    """Return the terms that the lab's model must lack, so that these effects are missing physics."""
     terms = {"rate_nonlinearity": "k_omega", "scale_temperature": "k_T"}
     return frozenset(term for name, term in terms.items() if name in names)
 
 
 def _sized(rng: np.random.Generator, truth: Truth, names: Sequence[str]) -> Truth | None:
-    """The truth with effects of the size that its class asks for; None where the run would not bring them out."""
+    """Return the truth with effects of the size that its class requires; None if the run would not reveal them."""
     share = CLASSES[truth.kind].share
     run = planned(plan_of(truth.unit), truth.unit)
     for name in names:
@@ -150,14 +150,14 @@ def _sized(rng: np.random.Generator, truth: Truth, names: Sequence[str]) -> Trut
 
 
 def _brought_out(run: Planned, alone: Truth, truth: Truth) -> bool:
-    """Whether a run brings an effect out, by itself and beside the wandering bias of the whole truth."""
+    """Return whether a run reveals an effect, both alone and in the presence of the truth's wandering bias."""
     wandering = {name: truth.effects[name] for name in WANDERING if name in truth.effects}
     made = alone.made()
     return run.gain(made) >= LEAST_GAIN and (not wandering or run.gain(made, wandering) >= FAINT_GAIN)
 
 
 def _faint_share(run: Planned, truth: Truth, name: str, full: Values) -> float | None:
-    """The share of an effect's full size that is worth `FAINT_GAIN`, to a few percent; None where none is so little."""
+    """Return the share of an effect's full size whose gain is `FAINT_GAIN`, to a few percent; None if there is none."""
 
     def excess(log_share: float) -> float:
         size = shrunk(name, full, math.exp(log_share), truth.unit)
@@ -172,7 +172,7 @@ def _faint_share(run: Planned, truth: Truth, name: str, full: Values) -> float |
 
 
 def _least_share(truth: Truth, name: str, full: Values) -> float:
-    """The smallest share that is tried: with it the effect's parameters are still within their bounds."""
+    """Return the smallest share to try, at which the effect's parameters are still within their bounds."""
     bounds = effect(name).parameters
     share = _LEAST_SHARE
     while not all(
@@ -183,7 +183,7 @@ def _least_share(truth: Truth, name: str, full: Values) -> float:
 
 
 def _rounded(value: float) -> float:
-    """To four digits: the last bits of a sum depend on the machine and its threads, a sealed truth must not."""
+    """Round to four digits: the last bits of a sum depend on the machine and its threads, a sealed truth must not."""
     return float(f"{value:.4g}")
 
 
@@ -216,4 +216,4 @@ OUTSIDERS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = MappingProxyT
         ),
     }
 )
-"""Effects whose own hypothesis is withheld: their look-alikes that are withheld too, and where they live."""
+"""Effects whose own hypothesis is withheld, with their withheld look-alikes and the coordinates they appear in."""

@@ -1,8 +1,8 @@
-"""The process that knows: draws an effect for a real recording, seals it, and writes the recording with it.
+"""Draw an effect for a real recording, seal it, and write the recording with the effect added.
 
     python -m benchctl.proof.inject RECORDING --said UNTOUCHED.json --seed 1 --index 7 --out FILE.h5
 
-prints the digest as JSON. `--said` is what the diagnosis says of the recording as it is.
+prints the digest as JSON. `--said` is the diagnosis of the recording without the effect.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from benchctl_instruments.errors import BenchError
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The process; its exit status is that of a verb."""
+    """Run the process and return its exit status, that of a command of the suite."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("recording", type=Path)
     parser.add_argument("--said", type=Path, required=True)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--index", type=int, required=True)
     parser.add_argument("--out", type=Path, required=True)
-    asked = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        with open_recording(asked.recording) as recording:
-            untouched = Untouched(recording, read_json(asked.said, "diagnosis")["said"])
-            injection = untouched.drawn(asked.seed, asked.index)
+        with open_recording(options.recording) as recording:
+            untouched = Untouched(recording, read_json(options.said, "diagnosis")["said"])
+            injection = untouched.drawn(options.seed, options.index)
             sys.stdout.write(json.dumps({"digest": injection.digest()}) + "\n")
-            write_recording(asked.out, recording.meta, untouched.with_it(injection))
+            write_recording(options.out, recording.meta, untouched.with_it(injection))
     except BenchError as err:
         sys.stderr.write(f"{err}\n")
         return err.exit_status

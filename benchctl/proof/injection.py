@@ -1,10 +1,11 @@
-"""An effect drawn for a real recording, and the recording with it: the motion, noise and stamps stay what they were.
+"""Draw an effect for a real recording and add it; motion, noise and time stamps of the recording stay unchanged.
 
-An effect is drawn from the vocabulary of the recording's part, without those that the untouched recording already shows
-and without those that one run cannot hold apart from them. Its fair size is a share of what the diagnosis of the
-untouched recording leaves: so much rms of it that no change of the parameters found there takes up. Where what is left
-wanders, as a chamber's air does, both are measured as innovations: what wanders slowly hides what is slow. What this
-recording does not tell from another single effect, fitted in its place, is not drawn: no diagnosis could name it.
+An effect is drawn from the vocabulary of the recording's part, except those that the untouched recording already shows
+and those that one run cannot distinguish from them. Its size is drawn relative to the residual of the untouched
+recording's diagnosis: it is the rms of that part of the effect that no change of the fitted parameters absorbs. If the
+residual wanders, as a chamber's air does, both are measured as innovations, because slow wander hides slow effects. An
+effect that this recording cannot distinguish from another single effect, fitted in its place, is not drawn: no
+diagnosis could name it.
 """
 
 from __future__ import annotations
@@ -38,36 +39,36 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.effect import DescribedEffect, PhysicalEffect
 
 FAIR = (0.5, 2.0)
-"""A fair size, in rms of what the untouched recording's diagnosis leaves; drawn evenly in the logarithm."""
+"""Range of a fair size: rms relative to the residual of the untouched diagnosis, drawn uniformly in the logarithm."""
 
 _CHANNELS: Mapping[Part, tuple[str, ...]] = {
     "gyro": ("gyro_v", "point_mean_v"),
     "drive": ("torque_nm", "drive_load"),
     "chamber": ("chamber_temp_c", "poll_chamber_temp_c"),
 }
-"""What an effect of a part changes: the first of these that a step has."""
+"""The channel that an effect of a part changes: the first of these that a step has."""
 _TRIES, _ROUNDS = 60, 5
-"""So many effects are drawn for a trial, and so often anew if the recording tells none of them from others."""
+"""Number of effects drawn for a trial, and of repetitions if the recording distinguishes none of them from others."""
 _RANGE = 1e8
 _NUDGE = 1e-4
 _LEFT_OVER = 0.5
-"""Where another effect leaves less than this share of an effect's rms, the recording does not tell the two apart."""
+"""If another effect leaves less than this share of an effect's rms, the recording does not distinguish the two."""
 _LIKE = 0.2
-"""Share of an effect's power that another must take up where a search for it begins: with less it is not fitted."""
+"""Share of an effect's power that another one must absorb at the start of its search; otherwise it is not fitted."""
 _SINGULAR = 1e-12
-"""Share of the largest singular value below which a direction is another one's rounding."""
+"""Share of the largest singular value below which a direction is only rounding error of another one."""
 _MILD = 0.5
-"""Share of the largest output by which an effect may change a sample: one that doubles it would be seen by anyone."""
+"""Share of the largest output by which an effect may change a sample; a change of 100 % would be obvious."""
 _STATED = 0.05
-"""Probability from which on an alternative counts as stated."""
+"""Minimum probability of an alternative that counts as stated."""
 _DIGITS = 12
 _ROUNDING, _OF_A_STEP = 1e-9, 0.02
-"""Share of the values that is the arithmetic's, and of a converter's step by which multiples of it may be off."""
+"""Rounding error as a share of the values; permitted deviation from a multiple of a converter's step, in steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Injection:
-    """What trial `index` adds; `share` is its rms beside what is left of the untouched recording."""
+    """What trial `index` adds; `share` is its rms relative to the residual of the untouched recording."""
 
     index: int
     effect: str
@@ -76,12 +77,12 @@ class Injection:
     nonce: str
 
     def digest(self) -> str:
-        """SHA-256 of it as JSON."""
+        """Return the SHA-256 of the injection as JSON."""
         return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
 
 
 class Untouched:
-    """A recording as it is, and what its blind diagnosis, given as its JSON, says of it."""
+    """A recording without an added effect, and its blind diagnosis, given as JSON data."""
 
     def __init__(self, recording: Recording, said: Mapping[str, Any]) -> None:
         self._recording, self._said = recording, said
@@ -89,7 +90,7 @@ class Untouched:
 
     @property
     def found(self) -> tuple[frozenset[str], ...]:
-        """The effects that it shows by itself: of each finding its name, and those that were stated as alternatives."""
+        """The effects that the recording itself shows: per finding its name and its stated alternatives."""
         return tuple(stated_of(one) for one in self._said["findings"])
 
     @cached_property
@@ -98,8 +99,8 @@ class Untouched:
 
     @cached_property
     def _baseline(self) -> FloatArray:
-        told = self._said["baseline"]["parameters"]
-        return np.array([told[name]["value"] for name in self._problem.baseline_names], dtype=np.float64)
+        stated = self._said["baseline"]["parameters"]
+        return np.array([stated[name]["value"] for name in self._problem.baseline_names], dtype=np.float64)
 
     @cached_property
     def _own(self) -> tuple[DescribedEffect, ...]:
@@ -110,9 +111,9 @@ class Untouched:
         )
 
     def drawn(self, seed: int, index: int) -> Injection:
-        """The same for the same seed and number.
+        """Draw an injection, reproducible for a given seed and index.
 
-        Raises `UsageError` where the recording brings out no other effect.
+        Raises `UsageError` if the recording reveals no other effect.
         """
         rng = np.random.default_rng([seed, index])
         nonce = np.random.default_rng([seed, index, 1]).bytes(16).hex()
@@ -124,7 +125,7 @@ class Untouched:
             if values is None:
                 continue
             one = self._made(name, values)
-            share = _rounded(self._shown(one) / self._left)  # a limit may meet a rate that is turned at, or not
+            share = _rounded(self._shown(one) / self._left)  # a limit may coincide with a rate of the recording, or not
             if FAIR[0] <= share <= FAIR[1] and self._is_mild(one) and self._stands_apart(one):
                 return Injection(index=index, effect=name, parameters=values, share=share, nonce=nonce)
         raise UsageError(
@@ -139,7 +140,7 @@ class Untouched:
             yield from rng.permutation([*names] * _TRIES)[:_TRIES].tolist()
 
     def with_it(self, injection: Injection) -> Iterator[Step]:
-        """The steps of the recording with what was drawn."""
+        """Yield the steps of the recording with the injection added."""
         problem = self._in_every_row
         change = self._change(problem, self._made(injection.effect, injection.parameters))
         for step in self._recording.steps():
@@ -152,16 +153,16 @@ class Untouched:
 
     @cached_property
     def _in_every_row(self) -> Problem:
-        """The problem in rows that are those of the recording, whatever a diagnosis compares of them."""
+        """The problem in the rows of the recording, regardless of which rows a diagnosis compares."""
         problem = self._problem
         if not isinstance(problem, GyroProblem):
             return problem
         return replace(problem, band=None, usable=np.ones(problem.frame.rows, np.bool_))
 
     def _is_mild(self, one: DescribedEffect) -> bool:
-        """Whether an effect changes no sample of a gyro by more than half of the largest.
+        """Return whether an effect changes no sample of a gyro by more than half of the largest output.
 
-        In the slow part of a motion that shakes, where its size is measured, far more of it may not show.
+        Its size is measured in the slow part of the motion; in a shaking motion it may be far larger.
         """
         problem = self._in_every_row
         if not isinstance(problem, GyroProblem):
@@ -173,7 +174,7 @@ class Untouched:
         return self._problem.effects[name].make(values, self._problem.circumstances)
 
     def _change(self, problem: Problem, one: DescribedEffect) -> FloatArray:
-        """What an effect changes of what is measured, shape (n,); of a converter, by the samples themselves."""
+        """Return the effect's change of the measured quantity, shape (n,); a converter's effects act on the samples."""
         if isinstance(problem, GyroProblem) and isinstance(one, PhysicalEffect) and _acts_on_samples(one):
             stack, signals = stacked(problem.frame)
             samples = slice(None) if stack.samples is None else stack.samples
@@ -184,7 +185,7 @@ class Untouched:
         return problem.predict(self._baseline, (*self._own, one)) - here
 
     def _of_size(self, name: str, shaped: dict[str, float], rms: float) -> dict[str, float] | None:
-        """The parameters with which an effect shows so much; None where it cannot within its bounds."""
+        """Return the parameters with which an effect has this rms; None if that is impossible within its bounds."""
         kind = self._problem.effects[name]
         strong = _strength(kind)
 
@@ -213,7 +214,7 @@ class Untouched:
         return within and self._made(name, values).plausible
 
     def _shown(self, one: DescribedEffect) -> float:
-        """Rms of what an effect adds that no change of the parameters found takes up."""
+        """Return the rms of an effect's change that no change of the fitted parameters absorbs."""
         rows = self._problem.usable
         change = self._change(self._problem, one)
         if not np.isfinite(change[rows]).all():
@@ -222,7 +223,7 @@ class Untouched:
         return math.sqrt(float(left @ left) / max(left.size, 1))
 
     def _stands_apart(self, one: DescribedEffect) -> bool:
-        """Whether no other single effect, fitted in its place, takes up most of what an effect shows."""
+        """Return whether no other single effect, fitted in its place, absorbs most of an effect's change."""
         problem, rows = self._problem, self._problem.usable
         target = self._predicted + self._change(problem, one)
         added = self._unexplained(self._whitened(target - self._predicted)[rows])
@@ -243,9 +244,9 @@ class Untouched:
         return True
 
     def _likest(self, kind: type[DescribedEffect], added: FloatArray) -> DescribedEffect | None:
-        """An effect where a search for it begins, as like as it is there to what was added, shape (n,); None if unlike.
+        """Return the start of a search for an effect that is most similar to `added`, shape (n,); None if none is.
 
-        `added` is whitened, and without what the parameters found take up.
+        `added` is whitened and has no part that the fitted parameters absorb.
         """
         rows = self._problem.usable
         best, most = None, _LIKE * float(added @ added)
@@ -262,19 +263,19 @@ class Untouched:
         return best
 
     def _unexplained(self, added: FloatArray) -> FloatArray:
-        """What of whitened values of the usable rows, shape (n,), no change of the parameters found takes up."""
+        """Remove from whitened values of the usable rows, shape (n,), what changes of the fitted parameters absorb."""
         own = self._directions
         return np.asarray(added - own @ (own.T @ added))
 
     @cached_property
     def _directions(self) -> FloatArray:
-        """Orthonormal columns (n, p) that span what the parameters found take up in the usable rows."""
+        """Orthonormal columns (n, p) of the changes that the fitted parameters absorb, in the usable rows."""
         left, sizes, _ = np.linalg.svd(self._absorbing[self._problem.usable], full_matrices=False)
         return np.asarray(left[:, sizes > _SINGULAR * sizes.max()])
 
     @cached_property
     def _left(self) -> float:
-        """Rms of what the untouched recording's diagnosis leaves, as innovations where that wanders."""
+        """Rms of the residual of the untouched recording's diagnosis; of its innovations if it wanders."""
         if not self._problem.disturbed:
             return float(self._said["fit"]["after"])
         left = self._whitened(self._residual)[self._problem.usable]
@@ -286,12 +287,12 @@ class Untouched:
 
     @cached_property
     def _predicted(self) -> FloatArray:
-        """What the untouched recording's model predicts, shape (n,)."""
+        """The prediction of the untouched recording's model, shape (n,)."""
         return self._problem.predict(self._baseline, self._own)
 
     @cached_property
     def _whitened(self) -> Callable[[FloatArray], FloatArray]:
-        """Makes what is left of a disturbed quantity white, shape (n,); anything else it leaves as it is."""
+        """Filter that whitens the residual, shape (n,), of a disturbed quantity; identity for any other quantity."""
         if not self._problem.disturbed:
             return lambda values: values
         every = self._problem.usable
@@ -301,7 +302,7 @@ class Untouched:
 
     @cached_property
     def _absorbing(self) -> FloatArray:
-        """Derivatives of the prediction by all parameters that are found again, each of unit rms, shape (n, p)."""
+        """Derivatives of the prediction by all fitted parameters, each of unit rms, shape (n, p)."""
         columns = []
         for place, value in enumerate(self._baseline.tolist()):
             moved = self._baseline.copy()
@@ -320,19 +321,19 @@ class Untouched:
 
 
 def stated_of(finding: Mapping[str, Any]) -> frozenset[str]:
-    """The effect that a finding, given as its JSON, names, and those that it states as alternatives."""
+    """Return the effect that a finding, given as JSON data, names, and the alternatives that it states."""
     others = (one["effect"] for one in finding["alternatives"] if one["probability"] >= _STATED)
     return frozenset((finding["effect"], *others))
 
 
 def _in_steps_of(measured: FloatArray, changed: FloatArray) -> FloatArray:
-    """Changed values in the steps of the converter that measured them, where those show; shape (n,) each."""
+    """Round changed values to the steps of the converter that measured them, if steps are visible; shape (n,) each."""
     moved = np.abs(np.diff(measured))
     moved = moved[moved > _ROUNDING * np.abs(measured).max()]
     steps = moved / moved.min() if moved.size else moved
     if not moved.size or np.abs(steps - np.round(steps)).max() > _OF_A_STEP:
         digits = _DIGITS - math.ceil(math.log10(max(float(np.abs(changed).max()), 1e-300)))
-        return np.round(changed, digits)  # what stands at a rail stands there exactly
+        return np.round(changed, digits)  # a sample at a rail must have exactly its value
     step = float(moved.min())
     return np.asarray(measured[0] + np.round((changed - measured[0]) / step) * step)
 
@@ -342,14 +343,14 @@ def _acts_on_samples(one: PhysicalEffect) -> bool:
 
 
 def _strength(kind: type[DescribedEffect]) -> Sequence[str]:
-    """The parameters that make an effect vanish: its sizes, or else a time constant, a cutoff, a limit."""
+    """Return the parameters that make an effect vanish: its sizes, or else a time constant, a cutoff or a limit."""
     able = {name: one for name, one in kind.parameters.items() if one.zero in (0.0, math.inf) and one.role != "choice"}
     sizes = [name for name, one in able.items() if one.role == "size"]
     return sizes or list(able)[:1]
 
 
 def _shaped(kind: type[DescribedEffect], rng: np.random.Generator) -> dict[str, float]:
-    """Parameters of a believable shape, whose sizes are still those where a search begins."""
+    """Draw parameters of a plausible shape; sizes keep the values with which a search begins."""
     values = {}
     for name, one in kind.parameters.items():
         low, high = min(one.scan), max(one.scan)
@@ -367,5 +368,5 @@ def _shaped(kind: type[DescribedEffect], rng: np.random.Generator) -> dict[str, 
 
 
 def _rounded(value: float) -> float:
-    """To four digits: what is sealed must not depend on the last bits of a sum."""
+    """Round to four digits: a sealed value must not depend on the last bits of a sum."""
     return float(f"{value:.4g}")

@@ -1,7 +1,8 @@
-"""Sealed trials on a real recording: effects added to it, told apart from what it shows by itself.
+"""Sealed trials on a real recording: effects are added to it and must be distinguished from its own findings.
 
-What the untouched recording says, diagnosed blind, is the measure: an added effect is to be named beside it, nothing of
-it lost, and nothing else named. Finished trials are kept as files; an interrupted proof goes on where it stopped.
+The reference is the blind diagnosis of the untouched recording: the added effect must be named in addition, none of the
+recording's own findings may be lost, and nothing else may be named. Finished trials are kept as files; an interrupted
+proof resumes where it stopped.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _LONGEST_S = 3600.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingProof:
-    """What is to be proved: so many trials on a part of a recording, `jobs` of them at once."""
+    """What to prove: so many trials on a part of a recording, `jobs` of them at once."""
 
     recording: Path
     part: Part = "gyro"
@@ -43,9 +44,9 @@ class RecordingProof:
 class InjectedTrial:
     """A trial after the unsealing.
 
-    `share` is the rms that was added beside what is left of the untouched recording; `lost` are the recording's own
-    findings that were not named again, `made_up` what neither it nor the drawn effect is; `instead` is the finding of
-    which the drawn effect was stated as an alternative; `error` says why there is no answer.
+    `share` is the rms that was added relative to the residual of the untouched recording. `lost` are the recording's
+    own findings that were not named again; `made_up` are effects that are neither its own nor the drawn one; `instead`
+    is the finding of which the drawn effect was stated as an alternative; `error` is the reason for a missing answer.
     """
 
     index: int
@@ -63,16 +64,16 @@ class InjectedTrial:
 
     @property
     def right(self) -> bool:
-        """Whether just what is there was named."""
+        """Whether the answer names the drawn effect and the recording's own, and nothing else."""
         return self.named and not self.lost and not self.made_up
 
 
 def prove_on(proof: RecordingProof, folder: Path, *, told: Told, stop: StopRequest) -> Iterator[InjectedTrial]:
-    """The trials as they finish, those first that the folder already holds.
+    """Yield the trials as they finish, beginning with those that the folder already holds.
 
-    `told` is told, from any thread, the number of a trial and what becomes of it; a `stop` ends the processes and
-    raises `StoppedError`. Raises `UsageError` where the folder holds another proof, or the recording cannot be
-    diagnosed or brings out no effect.
+    `told` is called from any thread with the number of a trial and its status. A `stop` ends the processes and raises
+    `StoppedError`. Raises `UsageError` if the folder holds another proof, or the recording cannot be diagnosed or
+    reveals no effect.
     """
     with open_recording(proof.recording) as recording:
         claim(folder, {"recording": recording.digest or str(recording.path), "part": proof.part, "seed": proof.seed})
@@ -133,10 +134,10 @@ class _Run:
 def _scored(
     injection: Injection, digest: str, own: Sequence[frozenset[str]], found: Mapping[str, Any]
 ) -> InjectedTrial:
-    """Held against the truth; of two effects that a recording does not separate a diagnosis states both.
+    """Compare an answer with the truth; for two effects that a recording does not separate a diagnosis states both.
 
-    The one that is an alternative of the other's finding is then named as well, and the finding is not made up. What
-    the untouched recording shows is there as long as one of the effects stated for it is stated.
+    An effect that is an alternative of another one's finding counts as named, and that finding is then not made up. An
+    own finding of the untouched recording is not lost as long as one of the effects stated for it is stated.
     """
     named = {one["effect"]: one for one in found["said"]["findings"]}
     either = {name: stated_of(one) for name, one in named.items()}
@@ -168,7 +169,7 @@ def _unsealed(injection: Injection, digest: str, **found: Any) -> InjectedTrial:
 
 
 def _untouched(proof: RecordingProof, folder: Path, stop: StopRequest) -> dict[str, Any]:
-    """What the blind diagnosis says of the recording as it is, made once."""
+    """Return the blind diagnosis of the untouched recording, which is made once."""
     path = folder / UNTOUCHED
     if not path.exists():
         with whole_file(path) as temporary:
@@ -177,13 +178,13 @@ def _untouched(proof: RecordingProof, folder: Path, stop: StopRequest) -> dict[s
                 run_module("benchctl.proof.blind", *arguments, stop=stop, longest_s=_LONGEST_S)
             except ProcessFailedError as err:
                 raise UsageError(str(err)) from err
-    said: dict[str, Any] = read_json(path, "diagnosis")["said"]
-    return said
+    answer: dict[str, Any] = read_json(path, "diagnosis")["said"]
+    return answer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectRow:
-    """The trials with one effect: how many named it, the smallest share with which it was, the largest without."""
+    """The trials with one effect: how many named it, the smallest named share and the largest missed one."""
 
     effect: str
     trials: int
@@ -193,7 +194,7 @@ class EffectRow:
 
 
 def by_effect(trials: Sequence[InjectedTrial]) -> list[EffectRow]:
-    """A row an effect, in alphabetical order."""
+    """Return a row per effect, in alphabetical order."""
     rows = []
     for effect in sorted({one.effect for one in trials}):
         own = [one for one in trials if one.effect == effect]
@@ -210,7 +211,7 @@ def by_effect(trials: Sequence[InjectedTrial]) -> list[EffectRow]:
 
 
 def as_json(proof: RecordingProof, own: Sequence[str], trials: Sequence[InjectedTrial]) -> dict[str, Any]:
-    """What `--json` gives; `own` are the untouched recording's findings."""
+    """Return the data of `--json`; `own` are the untouched recording's findings."""
     return {
         "recording": str(proof.recording),
         "part": proof.part,
@@ -228,5 +229,5 @@ def as_json(proof: RecordingProof, own: Sequence[str], trials: Sequence[Injected
 
 
 def untouched_findings(folder: Path) -> list[str]:
-    """What the folder's proof holds the trials against."""
+    """Return the findings of the untouched recording, the reference of the folder's trials."""
     return sorted(one["effect"] for one in read_json(folder / UNTOUCHED, "diagnosis")["said"]["findings"])

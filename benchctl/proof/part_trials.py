@@ -1,7 +1,7 @@
-"""Sealed trials of a table's drive and of a chamber: a run is drawn, with the effects that it conceals, and simulated.
+"""Sealed trials of a table's drive and of a chamber: a run is drawn with its concealed effects, and simulated.
 
-The motion of a drive is prescribed and the torque that it takes follows, a hundred times a second and ten steps in
-between; the air of a chamber runs freely, pushed by a draught, and is read once a second in the steps of a thermometer.
+The motion of a drive is prescribed and its torque computed 2000 times a second, of which every tenth value is recorded.
+The air of a chamber is simulated with random draughts, and is read once a second with the resolution of a thermometer.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.structures import pushed, structure_named
 
 _NOTHING_IN = 4
-"""One trial in so many conceals nothing."""
+"""One trial in this many conceals nothing."""
 _STEPS = 10
-"""Steps of a simulation from sample to sample."""
+"""Simulation steps per sample."""
 _DRIVE_S, _DRIVE_HZ = 120.0, 200.0
 _CHAMBER_S, _CHAMBER_HZ, _RESTS_S = 2400.0, 1.0, 60.0
 _NOISE_NM, _ENCODER_DEG = 0.004, 0.5 / 3600.0
@@ -57,42 +57,42 @@ _SIZES: Mapping[str, Mapping[str, Mapping[str, tuple[float, float]]]] = {
         "heat_store": {"capacity": (0.5, 1.5), "tau_s": (200.0, 600.0)},
     },
 }
-"""Between which an effect's parameters are drawn; of a signed size both signs are meant."""
+"""Ranges from which an effect's parameters are drawn; a range may include both signs."""
 _RANGES: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "drive": {"angle": (0.0, 360.0), "time": (0.0, _DRIVE_S), "rate": (-90.0, 180.0)},
     "chamber": {"time": (0.0, _CHAMBER_S), "chamber_temp": (25.0, 75.0), "heater": (0.0, 60.0)},
 }
-"""Of a part's coordinates the lowest value and the width that every run covers."""
+"""By coordinate, the lowest value and the width of the range that every run covers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartTruth(Sealed):
-    """What a trial of a drive or a chamber conceals: `baseline` holds its model's own parameters."""
+    """What a trial of a drive or a chamber conceals; `baseline` holds the parameters of its model."""
 
     baseline: Mapping[str, float]
 
     @property
     def part(self) -> Part:
-        """Of which part it is."""
+        """The part of the bench."""
         return CLASSES[self.kind].part
 
     @property
     def verdict(self) -> Verdict:
-        """What a diagnosis should come to: some trials conceal nothing."""
+        """The correct verdict of a diagnosis; some trials conceal nothing."""
         if self.withheld and self.nameable:
             return "missing-physics"
         return CLASSES[self.kind].verdict if self.effects else "consistent"
 
     def kind_of(self, name: str) -> type[DescribedEffect]:
-        """The effect of a name."""
+        """Return the effect of this name."""
         return structure_named(name) or _kinds(self.part)[name]
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data: all that matters of it."""
+        """Return the truth as JSON data."""
         return asdict(self)
 
     def record(self, folder: Path) -> tuple[Path, int]:
-        """Simulate the run and write its recording; its path and how many samples it has."""
+        """Simulate the run and write its recording; return its path and its number of samples."""
         draws = np.random.default_rng(self.seed)
         channels = _drive(self, draws) if self.part == "drive" else _chamber(self, draws)
         rows = channels["time_s"].size
@@ -110,7 +110,7 @@ class PartTruth(Sealed):
 
 
 def drawn(seed: int, index: int, kind: ClassName) -> Truth | PartTruth:
-    """What trial `index` of a proof conceals, of whatever part its class is; the same for the same seed."""
+    """Return what trial `index` of a proof conceals, whatever part its class has; reproducible for a given seed."""
     if CLASSES[kind].part == "gyro":
         return draw(seed, index, kind)
     rng = np.random.default_rng([seed, index])
@@ -158,7 +158,7 @@ def _made(effects: Effects, part: str, duration_s: float, largest: float = 1.0) 
 
 
 def _drive(truth: PartTruth, draws: np.random.Generator) -> dict[str, FloatArray]:
-    """A table that is swung slowly to and fro over whole turns, faster swings on top."""
+    """Simulate a table that swings slowly over more than a turn, with faster swings superposed."""
     step_s = 1.0 / (_DRIVE_HZ * _STEPS)
     time_s = np.arange(round(_DRIVE_S / step_s), dtype=np.float64) * step_s
     angle, rate, acceleration = np.zeros((3, time_s.size))
@@ -185,8 +185,8 @@ def _drive(truth: PartTruth, draws: np.random.Generator) -> dict[str, FloatArray
     coordinates = {"time": time_s, "angle": np.mod(np.degrees(angle), 360.0), "rate": np.degrees(rate)}
     for name in truth.withheld:
         if (found := structure_named(name)) is not None:
-            beside = found.make(truth.effects[name]).value_at(coordinates[found.over])
-            signals = replace(signals, torque_nm=signals.torque_nm + beside)
+            torque_nm = found.make(truth.effects[name]).value_at(coordinates[found.over])
+            signals = replace(signals, torque_nm=signals.torque_nm + torque_nm)
     read = slice(None, None, _STEPS)
     rows = time_s[read].size
     return {
@@ -197,7 +197,7 @@ def _drive(truth: PartTruth, draws: np.random.Generator) -> dict[str, FloatArray
 
 
 def _chamber(truth: PartTruth, draws: np.random.Generator) -> dict[str, FloatArray]:
-    """A chamber at rest whose heater is switched between powers of its own, a second body beside the air."""
+    """Simulate a chamber whose heater is switched between random powers, with a second body next to the air."""
     step_s = 1.0 / (_CHAMBER_HZ * _STEPS)
     time_s = np.arange(round(_CHAMBER_S / step_s), dtype=np.float64) * step_s
     starts_s = np.concatenate([[0.0], np.cumsum([_RESTS_S, *np.round(draws.uniform(100.0, 400.0, 12))])])
@@ -222,10 +222,10 @@ def _chamber(truth: PartTruth, draws: np.random.Generator) -> dict[str, FloatArr
     signals = replace(signals, drive=signals.drive + pushes * tau_s / (gain * step_s))
     air = air_c(signals, _ROOM_C, gain, tau_s)
     read = slice(None, None, _STEPS)
-    told = air[read] + draws.normal(0.0, _READING_C, air[read].size)
+    reading_c = air[read] + draws.normal(0.0, _READING_C, air[read].size)
     return {
         "time_s": time_s[read],
-        "chamber_temp_c": np.round(told / _STEP_C) * _STEP_C,
+        "chamber_temp_c": np.round(reading_c / _STEP_C) * _STEP_C,
         "heater_percent": power[read],
         "ambient_temp_c": signals.room_c[read],
         "second_temp_c": second[read],

@@ -1,7 +1,7 @@
-"""The motion and the temperatures that a plan asks for, and what an effect would change of the output: without noise.
+"""The motion and the temperatures of a plan, and the change of the output due to an effect, without noise.
 
-It serves to know, before anything is recorded, how much a concealed effect is worth: twice the log likelihood that it
-brings once the lab's own parameters have been refitted.
+It predicts, before anything is recorded, the gain of a concealed effect: twice the log likelihood that it contributes
+after the lab's own parameters are refitted.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ from benchctl_instruments.physics.structures import Structure
 _ARCSEC = 3600.0
 _ROOM_C = 23.0
 _PAUSE_S = 1.5
-"""Between two steps the table comes to rest or to its next rate, unrecorded."""
+"""Pause between two steps, in which the table stops or changes its rate; it is not recorded."""
 
 _SETTLING_S = 0.5
 _AVERAGED_S = 0.04
-"""About as long is averaged over where a rate is made of an encoder's angles."""
+"""Approximate averaging time of a rate that is computed from an encoder's angles."""
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A unit's run, as planned; `starts` are the places of the steps' first samples, where the motion jumps."""
+    """A unit's run as planned; `starts` are the indices of the steps' first samples, where the motion jumps."""
 
     unit: TrialUnit
     signals: Signals
     starts: tuple[int, ...]
 
     def gain(self, effects: Sequence[PhysicalEffect], beside: Mapping[str, Mapping[str, float]] | None = None) -> float:
-        """Twice the log likelihood that effects together are worth, the lab's parameters refitted.
+        """Return the joint gain of effects in twice the log likelihood, with the lab's parameters refitted.
 
-        `beside` are parameters of wandering biases, by effect, that hide what is slow.
+        `beside` holds the parameters of wandering biases, by effect; they hide slow changes.
         """
         change = (self._output(effects) - self._clean)[self._settled]
         whitener = self._whitener(beside or {})
@@ -58,7 +58,7 @@ class Planned:
 
     @property
     def _noise_v(self) -> float:
-        """Deviation of the white noise of a sample, its rounding included."""
+        """Standard deviation of a sample's white noise, rounding included."""
         return math.hypot(self.unit.noise_v, self.unit.adc_step_v / math.sqrt(12.0))
 
     def _whitener(self, beside: Mapping[str, Mapping[str, float]]) -> Whitener:
@@ -72,7 +72,7 @@ class Planned:
 
     @cached_property
     def _settled(self) -> npt.NDArray[np.bool_]:
-        """All but the beginnings of the steps, where the planned motion jumps and filters ring, shape (n,)."""
+        """All samples except the beginnings of the steps, where the motion jumps and filters ring; shape (n,)."""
         settled = np.ones(self.signals.time_s.size, np.bool_)
         for start in self.starts:
             settled[start : start + round(_SETTLING_S / self.signals.interval_s)] = False
@@ -84,7 +84,7 @@ class Planned:
 
     @cached_property
     def _followed(self) -> FloatArray:
-        """What the lab's parameters can follow, shape (rows, p)."""
+        """What changes of the lab's parameters can absorb, shape (rows, p)."""
         belief, rate = self.unit.belief, self.signals.rate_dps[self._settled]
         warmer = self.signals.coil_c[self._settled] - belief.T0_c
         columns = [np.ones_like(rate), rate]
@@ -100,25 +100,25 @@ class Planned:
         for effect in effects:
             if isinstance(effect, Structure) and effect.acts_on == "encoder":
                 error = effect.function_of(self.signals)[0] / _ARCSEC
-                seen = uniform_filter1d(np.gradient(error, self.signals.interval_s), self._averaged)
-                output = output - self.unit.gyro.K0_v_per_dps * seen
+                false_rate = uniform_filter1d(np.gradient(error, self.signals.interval_s), self._averaged)
+                output = output - self.unit.gyro.K0_v_per_dps * false_rate
             elif isinstance(effect, ClockEffect):
                 output = output + slope * (effect.gyro_time_s(self.signals.time_s) - self.signals.time_s)
             elif isinstance(effect, EncoderEffect):
-                # an encoder that reads too much by e tells a rate that is too large by e', and the gyro seems to
-                # answer less
+                # an encoder with a positive error e reports a rate that is too large by e', so the gyro seems to
+                # respond too little
                 error = effect.error_deg(self.signals.angle_deg)
-                seen = uniform_filter1d(self._slope(error), self._averaged)
-                output = output - self.unit.gyro.K0_v_per_dps * seen
+                false_rate = uniform_filter1d(self._slope(error), self._averaged)
+                output = output - self.unit.gyro.K0_v_per_dps * false_rate
         return output
 
     @property
     def _averaged(self) -> int:
-        """Samples over which a rate is made of an encoder's angles."""
+        """Number of samples over which a rate is computed from an encoder's angles."""
         return round(_AVERAGED_S / self.signals.interval_s)
 
     def _slope(self, values: FloatArray) -> FloatArray:
-        """The derivative by time inside the steps, zero where one begins."""
+        """Return the time derivative inside the steps, zero where a step begins."""
         slope = np.gradient(values, self.signals.interval_s)
         starts = np.array(self.starts[1:], dtype=np.int64)
         slope[starts] = slope[starts - 1] = 0.0
@@ -126,7 +126,7 @@ class Planned:
 
 
 def planned(plan: Plan, unit: TrialUnit) -> Planned:
-    """The run of a plan by a unit."""
+    """Return the run of a plan by a unit."""
     interval_s = 1.0 / unit.sample_rate_hz
     parts, now_s, angle_deg = [], 0.0, unit.start_angle_deg
     for step in plan.steps:
@@ -157,7 +157,7 @@ def planned(plan: Plan, unit: TrialUnit) -> Planned:
 
 
 def _motion(step: Step, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Angle from the step's beginning on [deg], rate and acceleration, each of shape (n,)."""
+    """Return the angle since the step's beginning [deg], the rate and the acceleration, each of shape (n,)."""
     match step:
         case ConstantRate():
             return step.rate_dps * time_s, np.full_like(time_s, step.rate_dps), np.zeros_like(time_s)
@@ -176,24 +176,24 @@ def _swing(peak_dps: float, frequency_hz: float, time_s: FloatArray) -> tuple[Fl
 
 
 def _housing(plan: Plan, unit: TrialUnit, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The housing's temperature [°C] and how fast it changes [°C/s], at instants of shape (n,)."""
+    """Return the housing's temperature [°C] and its rate of change [°C/s] at the given times, shape (n,)."""
     second = np.arange(0.0, time_s[-1] + 2.0)
     corners = list(_corners(plan))
-    asked = np.interp(second, [at for at, _ in corners], [celsius for _, celsius in corners])
-    air = _lagged(asked, unit.air_lag_s)
+    setpoint_c = np.interp(second, [at for at, _ in corners], [celsius for _, celsius in corners])
+    air = _lagged(setpoint_c, unit.air_lag_s)
     housing = _lagged(air, unit.housing_lag_s)
     return np.interp(time_s, second, housing), np.interp(time_s, second, (air - housing) / unit.housing_lag_s)
 
 
 def _way(plan: Plan, time_s: FloatArray) -> FloatArray:
-    """The way in which the set point moves, shape (n,)."""
+    """Return the direction in which the set point moves (−1, 0 or 1), shape (n,)."""
     corners = list(_corners(plan))
-    asked = np.interp(time_s, [at for at, _ in corners], [celsius for _, celsius in corners])
-    return np.sign(np.gradient(asked, time_s).round(9))
+    setpoint_c = np.interp(time_s, [at for at, _ in corners], [celsius for _, celsius in corners])
+    return np.sign(np.gradient(setpoint_c, time_s).round(9))
 
 
 def _corners(plan: Plan) -> Iterator[tuple[float, float]]:
-    """Where the set point bends: time [s], temperature [°C]."""
+    """Yield the corners of the set point: time [s], temperature [°C]."""
     ramps = [step for step in plan.steps if isinstance(step, ThermalRamp)]
     now_s = 0.0
     yield now_s, ramps[0].from_c if ramps else _ROOM_C
@@ -205,7 +205,7 @@ def _corners(plan: Plan) -> Iterator[tuple[float, float]]:
 
 
 def _lagged(x: FloatArray, tau_s: float) -> FloatArray:
-    """Through a first-order lag, a sample a second."""
+    """Filter by a first-order lag; one sample per second."""
     share = -np.expm1(-1.0 / tau_s)
     y: FloatArray = scipy.signal.lfilter([share], [1.0, share - 1.0], x - x[0]) + x[0]
     return y

@@ -1,4 +1,4 @@
-"""The processes of a trial: each a Python of its own, one thread of arithmetic, ended when the proof is stopped."""
+"""Run the processes of a trial: separate Python interpreters with one arithmetic thread, ended by a stop request."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 
 
 class ProcessFailedError(Exception):
-    """A process ended without an answer; says why in one line."""
+    """A process ended without an answer; the message states the reason in one line."""
 
 
 def run_module(module: str, *arguments: str, stop: StopRequest, longest_s: float) -> str:
-    """What `python -m module` prints.
+    """Return the output of `python -m module`.
 
     Raises
     ------
     ProcessFailedError
-        Where it fails, or takes longer than `longest_s`.
+        If it fails, or takes longer than `longest_s`.
     StoppedError
-        Where a stop was asked for; the process has ended then.
+        If a stop was requested; the process has then ended.
     """
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
-        # in a session of its own: Ctrl-C reaches this program alone, which ends the process in its own time
+        # a separate session: Ctrl-C reaches only this program, which then ends the process
         process = subprocess.Popen(  # noqa: S603 - this Python, a module of ours
             [sys.executable, "-m", module, *arguments],
             stdin=subprocess.DEVNULL,
@@ -61,7 +61,7 @@ def _wait(process: subprocess.Popen[bytes], stop: StopRequest, longest_s: float)
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a process that still runs: asked first, then made to."""
+    """End a process that still runs: terminate it, and kill it if it does not end."""
     if process.poll() is not None:
         return
     process.terminate()

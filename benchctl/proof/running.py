@@ -1,8 +1,8 @@
-"""Runs the trials of a proof: a process that seals and records, processes that answer blind, then the unsealing.
+"""Run the trials of a proof: one process seals and records, others answer blind, then the truth is unsealed.
 
-Each finished trial is kept as a file; a proof that was interrupted goes on where it stopped. No truth is on the disk
-before it is unsealed: the process that records draws its own, and this one draws it again once the answers are there,
-and holds it against the digest.
+Each finished trial is kept as a file; an interrupted proof resumes where it stopped. The truth is not on the disk
+before it is unsealed: the recording process draws it, and this process draws it again once the answers exist, and
+compares it with the digest.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ Told = Callable[[int, str], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProofSettings:
-    """What is to be proved.
+    """The settings of a proof.
 
-    `only` names the classes, all where it is empty; `generic` is whether the sparse regression runs beside the
-    diagnosis, `keep` whether recordings stay, `jobs` how many trials run at once.
+    `only` names the classes, the usual ones if it is empty; `generic`: also run the sparse regression; `keep`: keep the
+    recordings; `jobs`: number of trials that run at once.
     """
 
     seed: int
@@ -53,25 +53,25 @@ class ProofSettings:
 
 
 def run_proof(settings: ProofSettings, folder: Path, *, told: Told, stop: StopRequest) -> Iterator[Trial]:
-    """The trials as they finish, those first that the folder already holds.
+    """Yield the trials as they finish, beginning with those that the folder already holds.
 
     Parameters
     ----------
     settings
-        What is to be proved.
+        The settings of the proof.
     folder
         Where the trials are kept: new, empty, or that of the same proof.
     told
-        Is told, from any thread, the number of a trial and what becomes of it.
+        Called from any thread with the number of a trial and its status.
     stop
-        A wish to stop ends the processes that run, and raises `StoppedError`.
+        A stop request ends the running processes and raises `StoppedError`.
 
     Raises
     ------
     UsageError
-        Where the folder holds another proof or cannot be written.
+        If the folder holds another proof or cannot be written.
     InstrumentError
-        Where the simulated bench failed.
+        If the simulated bench failed.
     """
     claim(folder, {"seed": settings.seed, "only": list(settings.only), "generic": settings.generic})
     run = _Run(settings, folder, told, stop)
@@ -82,7 +82,7 @@ def run_proof(settings: ProofSettings, folder: Path, *, told: Told, stop: StopRe
 def as_finished(
     folder: Path, trials: int, kept: Callable[[Path], _Trial], run: Callable[[int], _Trial], jobs: int
 ) -> Iterator[_Trial]:
-    """Trials of a folder: those `kept` there first, then those that are `run`, `jobs` at once, as they finish."""
+    """Yield the trials of a folder: first those `kept` there, then those `run`, `jobs` at once, as they finish."""
     missing = []
     for index in range(trials):
         path = path_of(folder, index)
@@ -130,8 +130,8 @@ class _Run:
         sealed = self._sealed(index, kind, work)
         part = CLASSES[kind].part
         physics = self._asked("physics", sealed["recording"], work, sealed["without"], part)
-        beside = self.settings.generic and part == "gyro"
-        generic = self._asked("generic", sealed["recording"], work, ()) if beside else None
+        with_generic = self.settings.generic and part == "gyro"
+        generic = self._asked("generic", sealed["recording"], work, ()) if with_generic else None
         truth = drawn(self.settings.seed, index, kind)
         if truth.digest() != sealed["digest"]:
             raise UsageError(
@@ -150,24 +150,24 @@ class _Run:
         )
 
     def _sealed(self, index: int, kind: ClassName, work: Path) -> dict[str, Any]:
-        """Draw, seal and record in a process of its own; what it told."""
-        asked = {"--seed": self.settings.seed, "--index": index, "--class": kind, "--out": work / "campaign"}
-        arguments = [str(word) for pair in asked.items() for word in pair]
+        """Draw, seal and record in a separate process; return what it reported."""
+        options = {"--seed": self.settings.seed, "--index": index, "--class": kind, "--out": work / "campaign"}
+        arguments = [str(word) for pair in options.items() for word in pair]
         try:
             text = run_module("benchctl.proof.seal", *arguments, stop=self.stop, longest_s=_LONGEST_S)
         except ProcessFailedError as err:
             self.stop.ask(f"trial {index}")
             raise InstrumentError(f"trial {index}: the simulated bench could not be recorded: {err}") from err
-        told: dict[str, Any] = {}
+        report: dict[str, Any] = {}
         for line in text.splitlines():
-            told |= json.loads(line)
-        self.told(index, f"sealed, sha256 {told['digest']}")
-        return told
+            report |= json.loads(line)
+        self.told(index, f"sealed, sha256 {report['digest']}")
+        return report
 
     def _asked(
         self, arm: str, recording: str, work: Path, without: Sequence[str], part: Part = "gyro"
     ) -> dict[str, Any]:
-        """What an arm says in a process of its own, which knows the recording's path and nothing else."""
+        """Return the answer of an arm from a separate process, which knows only the recording's path."""
         out = work / f"{arm}.json"
         arguments = [recording, "--arm", arm, "--out", str(out), "--without", ",".join(without), "--part", part]
         try:
@@ -181,15 +181,15 @@ class _Run:
 def _scored(truth: Sealed, found: Mapping[str, Any], score: Callable[[Sealed, Mapping[str, Any]], Score]) -> Answer:
     if "error" in found:
         return Answer(score=None, error=found["error"])
-    said = found["said"]
-    findings = said.get("findings", [])
+    answer = found["said"]
+    findings = answer.get("findings", [])
     return Answer(
-        score=score(truth, said),
-        stated=tuple(said["effects"] if "effects" in said else [one["effect"] for one in findings]),
-        verdict=said.get("verdict", ""),
-        coordinates=tuple(said.get("unexplained", {}).get("coordinates", ())),
-        models=tuple(one["name"] for one in models_in(said.get("unexplained", {}))),
-        unexplained=bool(said.get("unexplained", {}).get("significant", False)),
+        score=score(truth, answer),
+        stated=tuple(answer["effects"] if "effects" in answer else [one["effect"] for one in findings]),
+        verdict=answer.get("verdict", ""),
+        coordinates=tuple(answer.get("unexplained", {}).get("coordinates", ())),
+        models=tuple(one["name"] for one in models_in(answer.get("unexplained", {}))),
+        unexplained=bool(answer.get("unexplained", {}).get("significant", False)),
         alternatives={one["effect"]: [other["effect"] for other in one["alternatives"]] for one in findings},
         seconds=found["seconds"],
         peak_bytes=found["peak_bytes"],
@@ -197,7 +197,7 @@ def _scored(truth: Sealed, found: Mapping[str, Any], score: Callable[[Sealed, Ma
 
 
 def claim(folder: Path, identity: Mapping[str, Any]) -> None:
-    """Make the folder this proof's: trials may be added to it, all else must stay as it was."""
+    """Claim the folder for this proof; trials may be added later, the other settings must not change."""
     path = folder / SETTINGS
     with disk_errors(folder):
         (folder / TRIALS).mkdir(parents=True, exist_ok=True)
@@ -210,5 +210,5 @@ def claim(folder: Path, identity: Mapping[str, Any]) -> None:
 
 
 def path_of(folder: Path, index: int) -> Path:
-    """Where a finished trial is kept."""
+    """Return the path of a finished trial."""
     return folder / TRIALS / f"{index:04d}.json"

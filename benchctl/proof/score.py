@@ -1,4 +1,4 @@
-"""How right an answer is, once the truth is unsealed."""
+"""Score an answer after the truth is unsealed."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.structures import structure_named
 
 _BY_CHANCE = {("dropouts", "count")}
-"""What is drawn as an expectation: how many came in a recording is chance, and that is what is stated."""
+"""Parameters drawn as an expectation: the number in a recording is random, and it is that number that is stated."""
 _HARDLY_ANY = 1.02
-"""A held-out residual of less than so many times the noise leaves no excess to speak of."""
+"""Below this ratio of the held-out residual to the noise there is no notable excess."""
 PHASE_DEG = 10.0
-"""How near a phase must come to count as within a tenth; a quarter is two and a half times that."""
+"""Error of a phase that counts as within a tenth; a quarter is two and a half times that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterScore:
-    """A parameter of an effect that was rightly named.
+    """A parameter of an effect that was correctly named.
 
-    `error` is relative to the truth; of a phase it is in units of a hundred degrees, so that 0.1 is `PHASE_DEG`; of a
-    whole number it is 0 or infinite.
+    `error` is relative to the truth; for a phase it is in units of a hundred degrees, so that 0.1 is `PHASE_DEG`; for
+    an integer it is 0 or infinite.
     """
 
     name: str
@@ -37,7 +37,7 @@ class ParameterScore:
     inside_ci95: bool
 
     def within(self, share: float) -> bool:
-        """Whether the value is that near the truth."""
+        """Return whether the relative error is at most `share`."""
         return self.error <= share
 
 
@@ -48,23 +48,24 @@ class Score:
     Attributes
     ----------
     right
-        Whether it is what its class asks for: exactly the drawn effects and nothing else; of an outsider, unknown
-        structure in the right coordinate and no name; of a structure, a model at its stage over its coordinate alone.
+        Whether it meets the requirement of its class: exactly the drawn effects and nothing else; for an outsider,
+        unknown structure in the right coordinate and no name; for a structure, a model at its stage over its coordinate
+        alone.
     missed, made_up
-        Effects that were drawn and not named, and named without having been drawn.
+        Effects that were drawn and not named, and effects that were named and not drawn.
     verdict_right
-        Whether the verdict is that of the class; None where the answer has none.
+        Whether the verdict is that of the class; None if the answer has none.
     located
-        Of an outsider: whether the coordinate that is named first is one where it lives.
+        For an outsider: whether the first named coordinate is one in which it appears.
     shape_right
-        Of a structure: whether it was modelled in its shape, or in the nearest that a search has.
+        For a structure: whether it was modelled in its shape, or in the nearest shape of the search.
     parameters
-        Those of effects that were rightly named.
+        Parameters of effects that were correctly named.
     heldout_ratio
-        Held-out residual over the noise that was found.
+        Held-out residual over the estimated noise.
     removed
-        Share of the excess of the held-out residual over the noise, in power, that the model takes away; None where
-        there is hardly any.
+        Share of the excess power of the held-out residual over the noise that the model removes; None if there is
+        hardly any excess.
     """
 
     right: bool
@@ -79,8 +80,8 @@ class Score:
 
 
 def score_diagnosis(truth: Sealed, said: Mapping[str, Any]) -> Score:
-    """Score a diagnosis, given as its JSON."""
-    # a second effect of one kind, which no trial conceals, is one more
+    """Score a diagnosis, given as JSON data."""
+    # a second effect of the same kind, which no trial conceals, counts as an additional one
     found = dict(zip(keys_of_names(one["effect"] for one in said["findings"]), said["findings"], strict=True))
     missed, made_up = _differences(truth, found)
     verdict_right = said["verdict"] == truth.verdict
@@ -110,7 +111,7 @@ def score_diagnosis(truth: Sealed, said: Mapping[str, Any]) -> Score:
 
 
 def score_regression(truth: Sealed, said: Mapping[str, Any]) -> Score:
-    """Score the sparse regression; it has no word for unknown structure, so that with an outsider it is never right."""
+    """Score the sparse regression; it cannot state unknown structure, so it is never right for an outsider."""
     missed, made_up = _differences(truth, dict.fromkeys(said["effects"]))
     return Score(
         right=not missed and not made_up and not truth.withheld,
@@ -138,30 +139,30 @@ def _located(truth: Sealed, unexplained: Mapping[str, Any]) -> bool:
 
 
 def models_in(unexplained: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The models of what is unexplained."""
+    """Return the models of the unexplained structure."""
     return [unexplained["model"], *unexplained.get("further", ())] if "model" in unexplained else []
 
 
 def _modelled(truth: Sealed, unexplained: Mapping[str, Any]) -> bool:
-    """Whether what is unexplained is modelled at the stage and over the coordinate of the concealed structure alone."""
-    said = {(one["stage"], frozenset(one["coordinates"][0].split("*"))) for one in models_in(unexplained)}
+    """Return whether the model has exactly the stage and the coordinate of the concealed structure."""
+    modelled = {(one["stage"], frozenset(one["coordinates"][0].split("*"))) for one in models_in(unexplained)}
     drawn = [found for name in truth.withheld if (found := structure_named(name)) is not None]
     true = {(one.acts_on, frozenset(one.word.split("*"))) for one in drawn}
-    return said == true and len(unexplained["coordinates"]) == 1
+    return modelled == true and len(unexplained["coordinates"]) == 1
 
 
 def _shape_right(truth: Sealed, unexplained: Mapping[str, Any]) -> bool | None:
-    """Whether what is unexplained is modelled in the shapes that were drawn, or in those nearest to them."""
+    """Return whether the model has the shapes that were drawn, or the nearest shapes of the search."""
     drawn = {found.shape for name in truth.withheld if (found := structure_named(name)) is not None}
     if not drawn:
         return None
-    said = {one["shape"] for one in models_in(unexplained)}
-    return {SHAPE_CLASSES.get(one, one) for one in said} == {SHAPE_CLASSES.get(one, one) for one in drawn}
+    modelled = {one["shape"] for one in models_in(unexplained)}
+    return {SHAPE_CLASSES.get(one, one) for one in modelled} == {SHAPE_CLASSES.get(one, one) for one in drawn}
 
 
 def _of_structures(truth: Sealed, unexplained: Mapping[str, Any]) -> Iterator[ParameterScore]:
     for model in models_in(unexplained):
-        if model["name"] in truth.effects and model["coordinates"] != ["time"]:  # whose origin no plan knows
+        if model["name"] in truth.effects and model["coordinates"] != ["time"]:  # the plan does not fix the time origin
             yield from _parameters(model["name"], truth, model["parameters"])
 
 

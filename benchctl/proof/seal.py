@@ -1,10 +1,10 @@
-"""The process that knows: draws a trial's truth, seals it with a digest, and records the bench that obeys it.
+"""Draw a trial's truth, seal it with a digest, and record the bench that obeys it.
 
     python -m benchctl.proof.seal --seed 1 --index 7 --class single --out FOLDER
 
-prints the digest before anything is recorded, then how the recording went and of which effects the diagnosis must have
-no hypothesis, each as a line of JSON. What it leaves is the recording, which says nothing of the truth: neither its
-provenance nor its journal holds the physics.
+prints the digest before anything is recorded, then how the recording went and which hypotheses of effects the diagnosis
+must not have, each as a line of JSON. It leaves only the recording, which does not reveal the truth: neither its
+provenance nor its journal contains the physics.
 """
 
 from __future__ import annotations
@@ -37,21 +37,21 @@ def record(truth: Truth, folder: Path) -> Outcome:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The process; its exit status is that of a verb."""
+    """Run the process and return its exit status, that of a command of the suite."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--index", type=int, required=True)
     parser.add_argument("--class", dest="kind", required=True)
     parser.add_argument("--out", type=Path, required=True)
-    asked = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     began_s = time.monotonic()
     try:
-        truth = drawn(asked.seed, asked.index, asked.kind)
+        truth = drawn(options.seed, options.index, options.kind)
         _tell({"digest": truth.digest()})
         if isinstance(truth, PartTruth):
-            recording, rows = truth.record(asked.out)
+            recording, rows = truth.record(options.out)
         else:
-            outcome = record(truth, asked.out)
+            outcome = record(truth, options.out)
             recording, rows = outcome.recording, outcome.samples
     except BenchError as err:
         sys.stderr.write(f"{err}\n")

@@ -1,7 +1,7 @@
-"""How large each effect is on a believable unit, and what a share of that is.
+"""The size of each effect on a plausible unit, and the parameters at a share of that size.
 
-Sizes are drawn evenly in the logarithm, with either sign where the effect has one. Rates are in shares of the unit's
-range, volts in shares of its full scale or of its noise.
+Sizes are drawn uniformly in the logarithm, with either sign if the effect has one. Rates are shares of the unit's
+range; voltages are shares of its full scale or of its noise.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from benchctl_instruments.physics.effects.registry import effect
 from benchctl_instruments.physics.gyro import GyroParameters
 
 if TYPE_CHECKING:
-    from benchctl.proof.unit import TrialUnit  # which takes a bench's file to describe: sizes do not
+    from benchctl.proof.unit import TrialUnit  # its import needs a bench file; sizes do not
 
 Values = dict[str, float]
 
 
 class Sized(Protocol):
-    """What of a unit the sizes of its effects follow from."""
+    """The properties of a unit that determine the sizes of its effects."""
 
     @property
     def gyro(self) -> GyroParameters:
-        """Its gyro."""
+        """The gyro."""
 
     @property
     def range_dps(self) -> float:
-        """Its rated range."""
+        """The rated range."""
 
     @property
     def full_scale_v(self) -> float:
@@ -42,22 +42,22 @@ class Sized(Protocol):
 
     @property
     def sample_rate_hz(self) -> float:
-        """Samples a second."""
+        """Samples per second."""
 
     @property
     def adc_step_v(self) -> float:
-        """The step of its converter."""
+        """The step of the converter."""
 
 
 WARM_C = 40.0
-"""How far from T0 every run gets [°C]."""
+"""Distance from T0 that every run reaches [°C]."""
 
 RAMP_C_PER_S = 0.08
-"""How fast the housing warms during a ramp."""
+"""Rate of change of the housing's temperature during a ramp [°C/s]."""
 
 
 class _Draw:
-    """A random source in the words of this table."""
+    """A random source with the distributions that `_DRAWS` uses."""
 
     def __init__(self, rng: np.random.Generator, unit: Sized) -> None:
         self.rng, self.unit = rng, unit
@@ -143,20 +143,20 @@ _DRAWS: Mapping[str, Callable[[_Draw], Values]] = {
 }
 
 DRAWN = tuple(name for name in _DRAWS if name != "overload")
-"""Every effect of the vocabulary but `supply_sensitivity` and `overload`.
+"""Every effect of the vocabulary except `supply_sensitivity` and `overload`.
 
-The simulated bench records no supply, and an overload is looked for in static points only.
+The simulated bench records no supply voltage, and a diagnosis searches for an overload in static points only.
 """
 
 WANDERING = ("bias_random_walk", "flicker_noise")
 
 STATISTICAL = frozenset({*WANDERING, "outliers", "dropouts", "noise_rate_dependent", "adc_coarse"})
-"""Effects whose change of the output is not known from their parameters: they are drawn at full size only."""
+"""Effects whose change of the output does not follow from their parameters; they are drawn at full size only."""
 
 _SHRUNK: Mapping[str, Callable[[Values, float, TrialUnit], Values]] = {
     "thermal_lag": lambda v, share, unit: {"tau_s": share * v["tau_s"]},
     "sensor_bandwidth": lambda v, share, unit: {**v, "cutoff_hz": v["cutoff_hz"] / share},
-    # below the resonance the rate is wrong by (f / f_mount)²
+    # below the resonance the relative error of the rate is (f / f_mount)²
     "mount_resonance": lambda v, share, unit: {**v, "frequency_hz": v["frequency_hz"] / math.sqrt(share)},
     "saturation": lambda v, share, unit: {"limit_v": _nearer(v["limit_v"], unit.full_scale_v * _top(unit), share)},
     "two_rails": lambda v, share, unit: {
@@ -167,12 +167,12 @@ _SHRUNK: Mapping[str, Callable[[Values, float, TrialUnit], Values]] = {
 
 
 def drawn_size(identifier: str, rng: np.random.Generator, unit: Sized) -> Values:
-    """The parameters of an effect at full size."""
+    """Draw the parameters of an effect at full size."""
     return _DRAWS[identifier](_Draw(rng, unit))
 
 
 def shrunk(identifier: str, values: Values, share: float, unit: TrialUnit) -> Values:
-    """The parameters of the same effect at a share of its size."""
+    """Return the parameters of the same effect at a share of its size."""
     if identifier in _SHRUNK:
         return _SHRUNK[identifier](values, share, unit)
     described = effect(identifier).parameters
@@ -184,16 +184,16 @@ def _nearer(value: float, gone: float, share: float) -> float:
 
 
 def _rail(draw: _Draw) -> float:
-    """An output short of that at the rated range."""
+    """Draw a limit of the output that is below the output at the rated range."""
     return draw.full_v * (1.0 - draw.between(0.06, 0.25)) * _top(draw.unit)
 
 
 def _top(unit: Sized) -> float:
-    """The output at the rated range by the interferometer's sine, as a share of the straight line's."""
+    """Return the output of the interferometer's sine at the rated range, relative to that of a straight line."""
     phase = unit.gyro.S_rad_per_dps * unit.range_dps
     return math.sin(phase) / phase
 
 
 def _bits_under_the_noise(draw: _Draw) -> float:
-    """How many bits may be lost before a step is as wide as the noise."""
+    """Return how many bits may be lost before a step is as large as the noise."""
     return max(0.0, math.floor(math.log2(draw.noise_v / draw.unit.adc_step_v)))

@@ -1,7 +1,8 @@
 """Structures without a name that trials conceal: a stage, a coordinate and a shape, drawn with a size.
 
-Their grammar is wider than the one that a diagnosis searches: of some shapes it has none, and a trial may conceal the
-sum of two. A drawn structure is worth as much as a named effect, so that it is a question of physics and not of noise.
+Their grammar is wider than that of a diagnosis's search: the search lacks some shapes, and a trial may conceal the sum
+of two structures. A drawn structure has the same minimum gain as a named effect, so that it tests the physics and not
+the noise.
 """
 
 from __future__ import annotations
@@ -45,19 +46,19 @@ _DRAWN: tuple[tuple[float, StructureStage, str, str, tuple[str, ...]], ...] = (
     (3, "noise", "gyro_temp", "", ("kink", "bump")),
     (3, "noise", "time", "", ("step", "plateau")),
 )
-"""How often, at which stage, over which coordinate, in proportion to which other one, and in which shapes."""
+"""Weight, stage, coordinate, the coordinate to which it is proportional, and the possible shapes."""
 _OF_DRIVES: Mapping[str, tuple[str, ...]] = {
     "angle": ("bump", "resonance", "plateau", "smooth_plateau", "double_bump", "rectified"),
     "time": ("step", "plateau", "bump", "wave", "smooth_step", "smooth_plateau", "double_bump", "sawtooth"),
     "rate": ("kink", "bump", "resonance", "smooth_step", "smooth_plateau"),
 }
-"""The same of the torque of a drive; slow waves over its angle have a name."""
+"""Coordinates and shapes of a drive's torque; slow waves over its angle are not among them, since they have a name."""
 _OF_CHAMBERS: Mapping[str, tuple[str, ...]] = {
     "time": ("step", "plateau", "bump", "smooth_step", "smooth_plateau", "double_bump", "bursts", "sawtooth"),
     "chamber_temp": ("step", "kink", "bump", "plateau", "smooth_step", "smooth_plateau"),
     "heater": ("step", "kink", "plateau", "smooth_step"),
 }
-"""The same of the heat of a chamber."""
+"""Coordinates and shapes of a chamber's heat."""
 _IN_PAIRS = 0.15
 _LARGEST: Mapping[StructureStage, tuple[float, float]] = {
     "scale": (2e-3, 1e-2),
@@ -68,7 +69,7 @@ _LARGEST: Mapping[StructureStage, tuple[float, float]] = {
     "torque": (0.008, 0.04),
     "heat": (5.0, 25.0),
 }
-"""What a structure changes: a share of the scale factor, of full scale, s, arcsec, a share of the noise, N·m, K."""
+"""Range of the change: share of the scale factor, share of full scale, s, arcsec, share of the noise, N·m, K."""
 SHAPE_CLASSES: Mapping[str, str] = {
     "step_below": "step",
     "smooth_step": "step",
@@ -96,7 +97,7 @@ SHAPE_CLASSES: Mapping[str, str] = {
     "chirp": "wave",
     "bursts": "wave",
 }
-"""Shapes that stand for another one, where that is the nearest that a search has."""
+"""Shape -> the shape that counts as the same, because it may be the nearest one of a search."""
 
 
 _TORQUE: StructureStage = "torque"
@@ -118,7 +119,7 @@ _WIDTHS: Mapping[str, tuple[float, float]] = {
 
 
 def drawn_structures(rng: np.random.Generator, *, predicted: bool = False) -> list[str]:
-    """The identifiers of a structure, or of two that add up; `predicted`: of what changes a prediction."""
+    """Draw the identifier of a structure, or of two that add up; `predicted`: only those that change a prediction."""
     names = [_drawn(rng, predicted)]
     if rng.random() < _IN_PAIRS:
         other = _drawn(rng, predicted)
@@ -135,7 +136,7 @@ def _drawn(rng: np.random.Generator, predicted: bool) -> str:
 
 
 def structure_size(identifier: str, rng: np.random.Generator, unit: TrialUnit) -> Values:
-    """The parameters of a structure, by name."""
+    """Draw the parameters of a structure, by name."""
     kind = structure_named(identifier)
     if kind is None:
         raise ValueError(f"{identifier} is no structure")
@@ -155,9 +156,9 @@ def structure_size(identifier: str, rng: np.random.Generator, unit: TrialUnit) -
 def structure_of_part(
     part: Literal["drive", "chamber"], rng: np.random.Generator, ranges: Mapping[str, tuple[float, float]]
 ) -> tuple[str, Values]:
-    """The identifier and the parameters of a torque [N·m], or a heat [K], without a name.
+    """Draw the identifier and the parameters of a torque [N·m], or a heat [K], without a name.
 
-    `ranges` are, by coordinate, the lowest value that every run covers and how far it goes on from there.
+    `ranges` holds, by coordinate, the lowest value and the width of the range that every run covers.
     """
     shapes, stage = (_OF_DRIVES, _TORQUE) if part == "drive" else (_OF_CHAMBERS, _HEAT)
     over = str(rng.choice(list(shapes)))
@@ -170,9 +171,9 @@ def _largest(kind: type[Structure], rng: np.random.Generator) -> float:
 
 
 def _values(kind: type[Structure], rng: np.random.Generator, low: float, wide: float, largest: float) -> Values:
-    """The parameters of a function of the present that changes so much, somewhere within its coordinate's range."""
+    """Draw the parameters of a structure with this change, at a place within its coordinate's range."""
     at = low + wide * float(rng.uniform(0.25, 0.75))
-    if kind.shape == "step":  # at once, or a ramp between two values
+    if kind.shape == "step":  # a jump, or a ramp between two values
         width = 2e-3 if rng.random() < 0.7 else float(rng.uniform(0.15, 0.5))
         return {"change": largest, "at": at, "width": width * wide}
     if kind.shape == "bursts":
@@ -198,12 +199,12 @@ def _values(kind: type[Structure], rng: np.random.Generator, low: float, wide: f
         return {"c1": largest, "tau": float(rng.uniform(20.0, 150.0))}
     phase = float(rng.uniform(0.0, math.tau))
     # slower waves over the angle have a name
-    whole = float(rng.integers(5, 10)) if kind.over == "angle" else float(rng.uniform(1.5, 4.0))
-    return {"cosine": largest * math.cos(phase), "sine": largest * math.sin(phase), "period": wide / whole}
+    waves = float(rng.integers(5, 10)) if kind.over == "angle" else float(rng.uniform(1.5, 4.0))
+    return {"cosine": largest * math.cos(phase), "sine": largest * math.sin(phase), "period": wide / waves}
 
 
 def _range(kind: type[Structure], unit: TrialUnit) -> tuple[float, float]:
-    """The lowest value of a coordinate that every run reaches, and how far it goes on from there."""
+    """Return the lowest value and the width of the coordinate's range that every run covers."""
     ranges = {
         "gyro_temp": (unit.gyro.T0_c - 0.75 * WARM_C, 1.5 * WARM_C),
         "gyro_temp_rate": (-0.4 * RAMP_C_PER_S, 0.8 * RAMP_C_PER_S),

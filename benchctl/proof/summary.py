@@ -1,4 +1,4 @@
-"""A proof in numbers: by class, over all, and beside the sparse regression."""
+"""Summarize a proof: by class, over all trials, and in comparison with the sparse regression."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from benchctl.proof.trial import Answer, Trial
 
 NEAR, NEARER = 0.25, 0.10
 SIZED: frozenset[ClassName] = frozenset({"single", "pair", "triple", "wandering", "wandering+one"})
-"""Classes of full size: only there is a parameter's distance from the truth more than a matter of noise."""
+"""Classes of full size; only there is the error of a parameter dominated by more than noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
-    """So many of so many."""
+    """A count out of a total."""
 
     count: int
     of: int
 
     @property
     def value(self) -> float | None:
-        """As a number from 0 to 1; None of none."""
+        """The share, from 0 to 1; None if the total is 0."""
         return self.count / self.of if self.of else None
 
     def __str__(self) -> str:
         return f"{self.count} of {self.of}"
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return the share as JSON data."""
         return {"count": self.count, "of": self.of, "share": self.value}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassRow:
-    """A class of trials: how many answers were right, what was missed and made up, how many verdicts were right."""
+    """A class of trials: right answers and verdicts, missed effects and false positives."""
 
     kind: ClassName
     right: Share
@@ -51,23 +51,23 @@ class ClassRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmFigures:
-    """An arm over all trials.
+    """The figures of an arm over all trials.
 
     Attributes
     ----------
     named
-        Drawn effects that were named, of those that could be.
+        Drawn effects that were named, out of those that a diagnosis can name.
     false_alarms
-        Trials with nothing missing, coefficients moved or not, in which something was named.
+        Trials without effects, with or without moved coefficients, in which something was named.
     made_up
-        Effects that were named in all trials without having been drawn.
+        Effects in all trials that were named but not drawn.
     held_out
         Median of the held-out residual over the noise.
     near, nearer, inside_ci95
-        Parameters of rightly named effects of full size within a quarter and a tenth of the truth; parameters of all
-        rightly named effects inside their own 95 % interval.
+        Parameters of correctly named effects of full size within a quarter and a tenth of the truth; parameters of all
+        correctly named effects inside their own 95 % interval.
     seconds, peak_bytes
-        Median time of an answer, largest memory.
+        Median time of an answer; largest peak memory.
     silent
         Trials without an answer.
     """
@@ -84,7 +84,7 @@ class ArmFigures:
     silent: int
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return the figures as JSON data."""
         return {
             "named": self.named.value,
             "false_alarms": self.false_alarms.value,
@@ -105,7 +105,7 @@ class ArmFigures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """A proof: its trials in the order of their numbers, and what they come to."""
+    """A proof: its trials in the order of their numbers, and their summary."""
 
     seed: int
     trials: tuple[Trial, ...]
@@ -116,7 +116,7 @@ class Summary:
     generic_confusion: Confusion | None
 
     def as_json(self) -> dict[str, Any]:
-        """What `--json` gives."""
+        """Return the data of `--json`."""
         return {
             "seed": self.seed,
             "trials": len(self.trials),
@@ -130,17 +130,17 @@ class Summary:
 
 
 def summarize(seed: int, trials: Sequence[Trial]) -> Summary:
-    """The numbers of a proof, one trial or more."""
+    """Summarize the trials of a proof, one or more."""
     ordered = tuple(sorted(trials, key=lambda trial: trial.index))
-    beside = all(trial.generic is not None for trial in ordered)
+    compared = all(trial.generic is not None for trial in ordered)
     return Summary(
         seed=seed,
         trials=ordered,
-        classes=tuple(_row(kind, ordered, beside) for kind in CLASSES if any(t.kind == kind for t in ordered)),
+        classes=tuple(_row(kind, ordered, compared) for kind in CLASSES if any(t.kind == kind for t in ordered)),
         physics=_figures(ordered, _physics),
-        generic=_figures(ordered, _generic) if beside else None,
+        generic=_figures(ordered, _generic) if compared else None,
         confusion=confusion(ordered, _physics),
-        generic_confusion=confusion(ordered, _generic) if beside else None,
+        generic_confusion=confusion(ordered, _generic) if compared else None,
     )
 
 

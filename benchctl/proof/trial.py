@@ -1,4 +1,4 @@
-"""One trial, from the seal to the score, as it is kept."""
+"""One finished trial, from the seal to the score, and its file."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from benchctl_instruments.errors import UsageError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What an arm said of a recording and how right that was; `error` where it said nothing.
+    """The answer of an arm for a recording and its score; `error` if there is no answer.
 
-    `stated` are the effects that it named, `unexplained` whether it saw unknown structure beside them, `coordinates`
-    where, `models` what it modelled of that; `alternatives` are the look-alikes of each effect.
+    `stated` are the effects that it named; `unexplained`: whether it found unknown structure in addition, at
+    `coordinates`, and `models` are its models of that structure; `alternatives` are the look-alikes of each effect.
     """
 
     score: Score | None
@@ -37,13 +37,13 @@ class Answer:
 
     @property
     def right(self) -> bool:
-        """Whether it was what its class asks for."""
+        """Whether the answer meets the requirement of its class."""
         return self.score is not None and self.score.right
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """A finished trial; `truth` is what was sealed under `digest`, `generic` None where that arm was left out."""
+    """A finished trial; `truth` is what was sealed under `digest`; `generic` is None if that arm was left out."""
 
     index: int
     kind: ClassName
@@ -56,23 +56,23 @@ class Trial:
 
     @property
     def drawn(self) -> tuple[str, ...]:
-        """The concealed effects that a diagnosis has hypotheses of."""
+        """The concealed effects for which a diagnosis has hypotheses."""
         return tuple(name for name in self.truth["effects"] if name not in self.truth["withheld"])
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return the trial as JSON data."""
         plain: dict[str, Any] = _finite(asdict(self))
         return plain
 
 
 def write_trial(path: Path, trial: Trial) -> None:
-    """Keep a trial, whole or not at all."""
+    """Write the file of a trial, atomically."""
     with whole_file(path) as temporary:
         temporary.write_text(json.dumps(trial.as_json(), ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
 
 
 def read_trial(path: Path) -> Trial:
-    """A trial that was kept; `UsageError` where the file is not one."""
+    """Read the file of a trial; raise `UsageError` if it is not one."""
     try:
         kept = read_json(path, "trial")
         return Trial(**{**kept, "physics": _answer(kept["physics"]), "generic": _answer(kept["generic"])})
@@ -103,7 +103,7 @@ def _answer(kept: dict[str, Any] | None) -> Any:
 
 
 def _finite(value: Any) -> Any:
-    """JSON has no infinity and no NaN: they become null."""
+    """Replace infinities and NaN, which JSON does not have, by null."""
     if isinstance(value, Mapping):
         return {name: _finite(item) for name, item in value.items()}
     if isinstance(value, list | tuple):

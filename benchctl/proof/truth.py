@@ -1,4 +1,4 @@
-"""What a trial conceals, and the seal on it."""
+"""What a trial conceals, and its seal."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ class Sealed(ABC):
     kind
         Its class.
     seed
-        Draws the noise.
+        Seed of the noise.
     effects
-        What is missing in the lab's model, in the words of the vocabulary.
+        What is missing in the lab's model: parameters by effect of the vocabulary.
     withheld
-        Hypotheses that the diagnosis is not given.
+        Hypotheses that the diagnosis does not receive.
     lives_in
-        Coordinates in which what cannot be named may rightly be located.
+        Coordinates in which an effect that cannot be named may correctly be located.
     nonce
-        Random text that keeps the digest from being guessed.
+        Random text that prevents guessing the truth from the digest.
     """
 
     index: int
@@ -52,24 +52,24 @@ class Sealed(ABC):
 
     @property
     def verdict(self) -> Verdict:
-        """What a diagnosis should come to."""
+        """The correct verdict of a diagnosis."""
         return CLASSES[self.kind].verdict
 
     @property
     def nameable(self) -> frozenset[str]:
-        """The effects that a diagnosis should name: all that it has hypotheses of."""
+        """The effects that a diagnosis should name: all for which it has hypotheses."""
         return frozenset(self.effects) - frozenset(self.withheld)
 
     @abstractmethod
     def kind_of(self, name: str) -> type[DescribedEffect]:
-        """The effect of a name."""
+        """Return the effect of this name."""
 
     @abstractmethod
     def as_json(self) -> dict[str, Any]:
-        """Plain data: all that matters of it."""
+        """Return the truth as JSON data."""
 
     def digest(self) -> str:
-        """SHA-256 of it as JSON."""
+        """Return the SHA-256 of the truth as JSON."""
         text = json.dumps(self.as_json(), sort_keys=True, ensure_ascii=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -83,9 +83,9 @@ class Truth(Sealed):
     unit
         The gyro and the bench.
     moved
-        Whether the lab's parameters are of an earlier day.
+        Whether the lab's parameters are outdated.
     gain
-        What the effects are worth together in twice the log likelihood, as planned; None where that is not known.
+        Joint gain of the effects in twice the log likelihood, as planned; None if it is not known.
     """
 
     unit: TrialUnit
@@ -93,11 +93,11 @@ class Truth(Sealed):
     gain: float | None = None
 
     def kind_of(self, name: str) -> type[DescribedEffect]:
-        """The effect of a name."""
+        """Return the effect of this name."""
         return effect(name)
 
     def made(self) -> tuple[PhysicalEffect, ...]:
-        """The effects themselves, as the bench has them."""
+        """Return the effects as objects of the simulated bench."""
         circumstances = {
             "T0_c": self.unit.gyro.T0_c,
             "range_dps": self.unit.range_dps,
@@ -108,13 +108,13 @@ class Truth(Sealed):
         return make_effects(self.effects, circumstances)
 
     def sealed_bench(self) -> Bench:
-        """The bench with all that is concealed in it; only the process that records knows it."""
+        """Return the bench with its concealed effects; only the recording process uses it."""
         return self.unit.public_bench().model_copy(
             update={"physics": self.unit.physics(self.seed), "effects": {k: dict(v) for k, v in self.effects.items()}}
         )
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data: all that matters of it."""
+        """Return the truth as JSON data."""
         return {
             "index": self.index,
             "class": self.kind,

@@ -1,4 +1,4 @@
-"""The gyro and the bench of a trial: what they are, and what their lab believes of them."""
+"""The gyro and the bench of a trial: their true properties, and the lab's model of them."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ SET_POINTS_C = (
 RAMP_C_PER_MIN = 5.0
 
 _LINEAR_S = 1e-6
-"""S [rad/(deg/s)] of a gyro whose output is a straight line to far below its noise."""
+"""S [rad/(deg/s)] of a gyro whose nonlinearity is far below its noise."""
 
 _BELIEF_K0, _BELIEF_U0 = 2e-5, 2e-5
-"""How well a lab knows K0 (relative) and U0 (of full scale) where nothing has moved."""
+"""Standard deviation of the lab's K0 (relative) and U0 (of full scale) if nothing has moved."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialUnit:
-    """A gyro, its bench and its run. `gyro` is the truth, `belief` what the recording will say."""
+    """A gyro, its bench and its run. `gyro` is the truth, `belief` the lab's model that the recording states."""
 
     gyro: GyroParameters
     belief: Simulation
@@ -59,7 +59,7 @@ class TrialUnit:
 
     @property
     def parameters(self) -> dict[str, str]:
-        """Those of the procedure `diagnostic`."""
+        """Parameters of the procedure `diagnostic`."""
         return {
             "set_points_c": ",".join(f"{celsius:g}" for celsius in self.set_points_c),
             "top_rate_dps": f"{self.range_dps:g}",
@@ -68,15 +68,15 @@ class TrialUnit:
         }
 
     def public_bench(self) -> Bench:
-        """The bench as its recording may describe it: nothing of the physics behind it."""
-        stands = load_bench("simulated")
-        public = stands.model_copy(
+        """Return the bench as its recording may describe it, without the simulated physics."""
+        simulated = load_bench("simulated")
+        public = simulated.model_copy(
             update={
                 "name": "sealed bench",
-                "unit": stands.unit.model_copy(update={"serial": "SEALED", "range_dps": self.range_dps}),
-                "limits": stands.limits.model_copy(update={"ramp_c_per_min": RAMP_C_PER_MIN}),
-                "site": stands.site.model_copy(update={"latitude_deg": self.latitude_deg}),
-                "digitizer": stands.digitizer.model_copy(
+                "unit": simulated.unit.model_copy(update={"serial": "SEALED", "range_dps": self.range_dps}),
+                "limits": simulated.limits.model_copy(update={"ramp_c_per_min": RAMP_C_PER_MIN}),
+                "site": simulated.site.model_copy(update={"latitude_deg": self.latitude_deg}),
+                "digitizer": simulated.digitizer.model_copy(
                     update={
                         "sample_rate_hz": self.sample_rate_hz,
                         "encoder_counts_per_rev": self.encoder_counts_per_rev,
@@ -89,7 +89,7 @@ class TrialUnit:
         return public.read_from("", "")
 
     def physics(self, seed: int) -> dict[str, Any]:
-        """`[physics]` of the simulated bench: this unit, and nothing beside the lab's model but what all motion has."""
+        """Return `[physics]` of the simulated bench: this unit, without further effects except those of all motion."""
         return {
             "seed": seed,
             "gyro": {name: getattr(self.gyro, name) for name in GyroParameters.__dataclass_fields__},
@@ -105,10 +105,10 @@ class TrialUnit:
 
 
 def draw_unit(rng: np.random.Generator, *, moved: bool, lacking: frozenset[str], warm: bool) -> TrialUnit:
-    """A believable unit on a believable bench.
+    """Draw a plausible unit on a plausible bench.
 
-    `moved`: what the lab believes is of an earlier day. `lacking` names terms of the lab's model (`k_T`, `k_omega`)
-    that it must not have, `warm` says that the scale factor has to depend on temperature.
+    `moved`: the lab's model is outdated. `lacking` names terms (`k_T`, `k_omega`) that the lab's model must not have;
+    `warm`: the scale factor must depend on temperature.
     """
     range_dps = float(rng.choice((100.0, 145.0, 175.0)))
     sample_rate_hz = float(rng.choice((120.0, 125.0)))
@@ -152,7 +152,7 @@ def draw_unit(rng: np.random.Generator, *, moved: bool, lacking: frozenset[str],
 def _belief(
     rng: np.random.Generator, gyro: GyroParameters, range_dps: float, noise_v: float, earth_dps: float, moved: bool
 ) -> Simulation:
-    """The lab's model of a unit: an even polynomial for the interferometer's sine, the Earth's rate in the bias."""
+    """Return the lab's model of a unit: an even polynomial for the interferometer's sine, the Earth's rate in U0."""
     full_scale_v = gyro.K0_v_per_dps * range_dps
     moves = rng.uniform(0.3, 1.0, 5) * rng.choice((-1.0, 1.0), 5)
     K0_error, U0_error = rng.normal(0.0, (_BELIEF_K0, _BELIEF_U0 * full_scale_v))

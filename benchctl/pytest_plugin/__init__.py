@@ -1,24 +1,24 @@
-"""benchctl in pytest: fixtures with a simulated bench, and files that make a procedure with limits a set of tests.
+"""pytest plug-in of benchctl: fixtures with a simulated bench, and test files that consist of a procedure and limits.
 
 The plug-in is active wherever benchctl is installed, and imports benchctl only when a fixture or a file is used.
 
-| fixture           | what it gives                                                                           |
+| fixture           | value                                                                                   |
 |-------------------|-----------------------------------------------------------------------------------------|
-| `benchctl_bench`  | the simulated bench of this test, opened: `table`, `chamber`, `digitizer`, `clock`, …   |
-| `benchctl_clock`  | its virtual clock: `now()` in s since the test began, `sleep(seconds)` at once          |
-| `benchctl_faults` | its faults: `fired`, those that have happened so far, oldest first                      |
-| `benchctl_run`    | `benchctl_run("static", duration_s=60)`: runs on it and gives an `Outcome`              |
+| `benchctl_bench`  | the opened simulated bench of this test: `table`, `chamber`, `digitizer`, `clock`, …    |
+| `benchctl_clock`  | its virtual clock: `now()` in s since the test began; `sleep(seconds)` returns at once  |
+| `benchctl_faults` | its faults: `fired`, the faults that have occurred so far, oldest first                 |
+| `benchctl_run`    | `benchctl_run("static", duration_s=60)` runs a procedure and returns an `Outcome`       |
 | `benchctl_server` | simulated instruments in real time, for other programs: `addresses`, `bench_file`       |
 
 Two markers change that bench:
 
 `benchctl_bench("lab/bench.toml", seed=7, limits={"rate_dps": 200.0}, chamber={"model": "espec_p300"})`
-    takes another simulated bench than the template; `seed` draws its noise, other keywords are tables and fields of
-    bench.toml that replace the file's.
+    uses another simulated bench than the template. `seed` is the seed of its noise; other keywords are tables and
+    fields of bench.toml that replace those of the file.
 `benchctl_fault(on="chamber", kind="silence", from_s=600.0, times=3)`
-    is one of the `[[faults]]` of bench.toml, switched on at its time; may be repeated.
+    adds one of the `[[faults]]` of bench.toml, which starts at its time; may be repeated.
 
-Every test has a fresh bench with the same seed. Recordings are in the test's `tmp_path`.
+Every test has a new bench with the same seed. Recordings are in the test's `tmp_path`.
 
     @pytest.mark.benchctl_fault(on="chamber", kind="silence", from_s=60.0, times=2)
     def test_a_silent_chamber_is_waited_for(benchctl_run, benchctl_faults):
@@ -26,14 +26,14 @@ Every test has a fresh bench with the same seed. Recordings are in the test's `t
         assert outcome.status == "complete"
         assert len(benchctl_faults.fired) == 2
 
-A file whose name ends in `.bench-test.toml` is a campaign and its limits. Its tests are `campaign`, which passes where
-every step was played, and one for each limit: passed, failed, or INCONCLUSIVE, which fails too, with its own letter
-(I), count and section. `--junitxml` has them with their figures as properties.
+A file whose name ends in `.bench-test.toml` describes a campaign and its limits. Its tests are `campaign`, which passes
+if every step was run, and one test per limit: passed, failed, or INCONCLUSIVE, which also fails, but has its own letter
+(I), count and section. `--junitxml` reports them with their values as properties.
 
-    procedure = "acceptance"         # a name, or the path of a .py file from here
-    bench = "bench.toml"             # its path from here; left out: the simulated bench
-    limits = "limits.toml"           # its path from here, as for benchctl accept; left out: no limits
-    seed = 7                         # draws the noise of a simulated bench; may be left out
+    procedure = "acceptance"         # a name, or the path of a .py file, relative to this file
+    bench = "bench.toml"             # a path relative to this file; default: the simulated bench
+    limits = "limits.toml"           # a relative path, a file as for benchctl accept; default: no limits
+    seed = 7                         # seed of the noise of a simulated bench; optional
     [parameters]
     soak_s = 3600.0
 
@@ -65,11 +65,11 @@ if TYPE_CHECKING:
 __all__ = ["benchctl_bench", "benchctl_clock", "benchctl_faults", "benchctl_run", "benchctl_server"]
 
 _SHARED = pytest.StashKey[Path]()
-"""Folder in which the processes of one session share the campaigns that have been run."""
+"""Folder in which the processes of one session share the completed campaigns."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add our two options."""
+    """Add the options of this plug-in."""
     group = parser.getgroup("benchctl", "benchctl: procedures as tests")
     group.addoption("--benchctl-out", metavar="DIR", help=f"keep the campaigns of *{ENDING} there, with their reports")
     group.addoption(
@@ -78,7 +78,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Add our markers, and the folder that all processes of this session share."""
+    """Register the markers, and set the folder that all processes of this session share."""
     config.addinivalue_line(
         "markers", "benchctl_bench(file, seed=None, **tables): the bench of the benchctl fixtures, and what differs"
     )
@@ -89,7 +89,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_configure_node(node: object) -> None:
-    """Give a worker of xdist the controller's folder."""
+    """Pass the controller's folder to a worker of xdist."""
     node.workerinput["benchctl"] = str(node.config.stash[_SHARED])  # type: ignore[attr-defined]  # xdist's own class
 
 
@@ -103,7 +103,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> BenchTestFile | None:
-    """A campaign and its limits."""
+    """Collect files that describe a campaign and its limits."""
     if not file_path.name.endswith(ENDING):
         return None
     from benchctl.pytest_plugin.files import BenchTestFile
@@ -114,14 +114,14 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> BenchTestF
 def pytest_report_teststatus(
     report: pytest.CollectReport | pytest.TestReport,
 ) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
-    """Give INCONCLUSIVE its own category; the session fails all the same."""
+    """Report INCONCLUSIVE as a separate category; the session fails nevertheless."""
     if isinstance(report, pytest.TestReport) and report.failed and _is_inconclusive(report):
         return "inconclusive", "I", ("INCONCLUSIVE", {"yellow": True})
     return None
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """List what was inconclusive and why, and where the reports are."""
+    """List the inconclusive tests with their reasons, and the location of the reports."""
     for report in terminalreporter.getreports("inconclusive"):
         if report is terminalreporter.getreports("inconclusive")[0]:
             terminalreporter.section("INCONCLUSIVE", yellow=True)
@@ -132,4 +132,4 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 
 
 def _is_inconclusive(report: pytest.TestReport) -> bool:
-    return ["verdict", "INCONCLUSIVE"] in [list(told) for told in report.user_properties]
+    return ["verdict", "INCONCLUSIVE"] in [list(pair) for pair in report.user_properties]

@@ -1,6 +1,6 @@
-"""A file of a campaign and its limits as pytest items: the campaign, and each limit.
+"""pytest items of a file that describes a campaign and its limits: the campaign, and each limit.
 
-The campaign is run and judged once in a session, by the process that comes first.
+The campaign is run and judged once per session, by the first process that needs it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class _File(BaseModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchTest:
-    """A plan on a bench, and the limits that judge its recording; None: it need only be complete."""
+    """A plan on a bench, and the limits of its recording; with None, the campaign passes if it is complete."""
 
     plan: Plan
     bench: Bench
@@ -53,7 +53,7 @@ def read_bench_test(path: Path) -> BenchTest:
     Raises
     ------
     UsageError
-        Where it, or a file that it names, is not there or has a wrong field, or its parameters give no plan.
+        If it, or a file that it names, does not exist or has a wrong field, or its parameters give no plan.
     """
     content = parse_toml(read_text(path, "bench test"), _File, str(path))
     place = path.parent
@@ -75,7 +75,7 @@ def read_bench_test(path: Path) -> BenchTest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """The verdict on one limit: PASS, FAIL or INCONCLUSIVE, the reason, and the figures by name."""
+    """The verdict on one limit: PASS, FAIL or INCONCLUSIVE, the reason, and the values by name."""
 
     verdict: str
     reason: str
@@ -84,9 +84,9 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """The result of a campaign: `error` is why it is not complete or could not be judged, else empty.
+    """The result of a campaign: `error` states why it is incomplete or could not be judged, otherwise empty.
 
-    `figures` are by name; `report` is the path of the acceptance, empty where the campaign is not kept.
+    `figures` are values by name; `report` is the path of the acceptance report, empty if the campaign is not kept.
     """
 
     error: str
@@ -96,9 +96,9 @@ class Judged:
 
 
 def judged(test: BenchTest, path: Path, shared: Path, out: Path | None) -> Judged:
-    """Return the result of the campaign of a file; run it where no process of this session has done so.
+    """Return the result of the campaign of a file; run it if no process of this session has done so.
 
-    `shared` is the folder that these processes share; the campaign is kept in `out`, where that is given.
+    `shared` is the folder that these processes share; if `out` is given, the campaign is kept there.
     """
     shared.mkdir(parents=True, exist_ok=True)
     name = hashlib.sha256(str(path).encode()).hexdigest()[:16]
@@ -152,14 +152,14 @@ def _free(place: Path, name: str) -> Path:
 
 
 class BenchTestFile(pytest.File):
-    """The file; `shared` is the folder that the processes of the session share."""
+    """A file that describes a campaign and its limits; `shared` is the folder shared by the session's processes."""
 
     def __init__(self, *, shared: Path, **more: Any) -> None:
         super().__init__(**more)
         self._shared = shared
 
     def collect(self) -> Iterator[pytest.Item]:
-        """The campaign, then a test for each limit, in the order in which the file of limits has them."""
+        """Yield the campaign, then a test for each limit, in the order of the file of limits."""
         try:
             test = read_bench_test(self.path)
         except UsageError as err:
@@ -183,7 +183,7 @@ class NotPassedError(Exception):
 
 
 class _Item(pytest.Item):
-    """Common part of both kinds of item."""
+    """Base class of both kinds of item."""
 
     parent: BenchTestFile
 
@@ -197,18 +197,18 @@ class _Item(pytest.Item):
             pytest.skip(f"{self._test.bench.name} is not a simulated bench: give --benchctl-hardware to let it move")
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
-        """The file and the test's name in it."""
+        """Return the file and the name of the test in it."""
         return self.path, None, f"{self.path.name}: {self.name}"
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Report a result in one line; any other exception with its traceback."""
+        """Return a failed test's message as one line; any other exception with its traceback."""
         if isinstance(excinfo.value, NotPassedError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
 
 
 class CampaignItem(_Item):
-    """The campaign: it passes where every step was played and the bench came to rest."""
+    """The campaign: it passes if every step was run and the bench came to rest."""
 
     def runtest(self) -> None:
         """Run it, unless another item has done so."""

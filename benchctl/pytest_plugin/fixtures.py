@@ -1,4 +1,4 @@
-"""The fixtures; benchctl is imported when one is used."""
+"""The fixtures; benchctl is imported only when one is used."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from benchctl_instruments.simulated.faults.schedule import Fired
 
 ENDING = ".bench-test.toml"
-"""End of the names of files that are a campaign and its limits."""
+"""End of the names of files that describe a campaign and its limits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Faults:
 
     @property
     def fired(self) -> tuple[Fired, ...]:
-        """The faults that have happened so far, oldest first: bench time [s], where, kind, operation."""
+        """The faults that have occurred so far, oldest first: bench time [s], instrument, kind, operation."""
         return self._bench.fired
 
 
@@ -43,9 +43,9 @@ class Runner:
     _folder: Path
 
     def __call__(self, procedure: str | Path | Procedure | Plan, *, check: bool = True, **parameters: Any) -> Outcome:
-        """Run a procedure with these parameters, or a plan, and give what `benchctl.api.run` gives.
+        """Run a procedure with these parameters, or a plan; return the same as `benchctl.api.run`.
 
-        With `check` the error that ends it early is raised, a `BenchError`; without, the outcome has it.
+        With `check`, a `BenchError` that ends it early is raised; otherwise the outcome contains it.
         """
         from benchctl import api
         from benchctl.campaign.playing import seal
@@ -63,7 +63,7 @@ class Runner:
         return outcome
 
     def _from_now(self) -> OpenBench:
-        """Return the bench with its recording beginning now, however long it has been open."""
+        """Return the bench with the start of its recording set to the present time."""
         opened = self._opened
         now_s = opened.clock.now()
         return replace(opened, epoch_s=now_s, elapsed_s=opened.elapsed_s + opened.epoch_s - now_s)
@@ -73,8 +73,8 @@ class Runner:
 class Server:
     """Simulated instruments for other programs.
 
-    `addresses` are by the instruments' names in bench.toml; `bench_file` is a bench.toml for `benchctl run --bench`;
-    `simulated` has the world behind them.
+    `addresses` are keyed by the instruments' names in bench.toml; `bench_file` is a bench.toml for
+    `benchctl run --bench`; `simulated` is the simulated bench itself.
     """
 
     addresses: Mapping[str, str]
@@ -84,7 +84,7 @@ class Server:
 
 @pytest.fixture
 def benchctl_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[OpenBench]:
-    """The simulated bench of this test, opened over its wires on a virtual clock."""
+    """The simulated bench of this test, opened through its wire protocols on a virtual clock."""
     from benchctl.campaign.opened import open_bench
 
     with ExitStack() as stack:
@@ -114,13 +114,13 @@ def benchctl_faults(benchctl_bench: OpenBench) -> Faults:
 
 @pytest.fixture
 def benchctl_run(benchctl_bench: OpenBench, tmp_path: Path) -> Runner:
-    """Runs procedures on this test's bench; recordings land in `tmp_path`."""
+    """Runs procedures on this test's bench; recordings are written to `tmp_path`."""
     return Runner(benchctl_bench, tmp_path)
 
 
 @pytest.fixture
 def benchctl_server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Server]:
-    """Simulated instruments as servers, `time_factor` of bench.toml bench seconds a wall second."""
+    """Simulated instruments as servers; `time_factor` in bench.toml is the number of bench seconds per wall second."""
     from benchctl.campaign.opened import bench_toml_at, simulated_bench
     from benchctl_instruments.simulated.clock import ScaledClock
 
@@ -145,14 +145,14 @@ def _in_a_line() -> Iterator[None]:
 
 
 def bench_of(node: pytest.Item, folder: Path) -> Bench:
-    """Return the bench of the markers `benchctl_bench` and `benchctl_fault`; without them the simulated one.
+    """Return the bench of the markers `benchctl_bench` and `benchctl_fault`; without them, the simulated bench.
 
-    Its bench.toml is written into a folder, for later inspection.
+    Its bench.toml is written to `folder`, for later inspection.
 
     Raises
     ------
     UsageError
-        Where it cannot be used, or is not simulated.
+        If it cannot be used, or is not simulated.
     """
     import tomllib
 
@@ -165,7 +165,7 @@ def bench_of(node: pytest.Item, folder: Path) -> Bench:
     file, seed, tables = _bench_marker(*marker.args, **marker.kwargs) if marker else _bench_marker()
     base = load_bench(file)
     document = tomllib.loads(base.text)
-    document["chamber"]["model"] = base.chamber.model  # the absolute path of a profile: the copy lies elsewhere
+    document["chamber"]["model"] = base.chamber.model  # absolute path of a profile, since the copy is in another folder
     faults = [_fault(*mark.args, **mark.kwargs) for mark in node.iter_markers("benchctl_fault")]
     if faults:
         document["faults"] = [*document.get("faults", []), *reversed(faults)]  # the test's own come last
@@ -194,7 +194,7 @@ def _fault(*args: Any, **fields: Any) -> dict[str, Any]:
 
 
 def _changed(document: dict[str, Any], tables: dict[str, Any]) -> dict[str, Any]:
-    """Return the document with these values instead of its own, table by table."""
+    """Return the document with its values replaced by those of `tables`, recursively."""
     return document | {
         name: _changed(document[name], value) if isinstance(value, dict) and name in document else value
         for name, value in tables.items()

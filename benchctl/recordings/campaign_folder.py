@@ -1,14 +1,14 @@
-"""Writes a recording while it is measured: a folder with a file a step; a crash loses at most the last half second.
+"""Write a recording while it is measured, into a folder with one file per step; a crash loses at most half a second.
 
 ```
-campaign.h5                   what is known before the first step: a recording without steps
-journal.jsonl                 one JSON object a line: what was decided and when
-running.lock                  held by the process that writes; running.json says which that is
-stop.json                     somebody's wish to stop it, until it is heeded (`benchctl.campaign.stop`)
+campaign.h5                   the description known before the first step: a recording without steps
+journal.jsonl                 one JSON object per line: what was decided and when
+running.lock                  held by the process that writes; running.json states which one
+stop.json                     a stop request, until it is obeyed (`benchctl.campaign.stop`)
 steps/0001_zero.h5            a finished step: closed, compressed, sealed, on the disk
 steps/0002_rate_+50.h5.part   the step being written: HDF5 under SWMR, flushed at least every half second
-recording.h5                  once the campaign is finished: all steps; campaign.h5 and steps/ are then gone
-unreadable/                   files of steps that a crash left unreadable, where there were any
+recording.h5                  in a finished campaign: all steps; campaign.h5 and steps/ are then removed
+unreadable/                   files of steps that a crash left unreadable, if there are any
 ```
 """
 
@@ -32,15 +32,16 @@ __all__ = ["CampaignWriter", "StepWriter"]
 
 
 def campaign_lock(folder: Path) -> Lock:
-    """The lock of a campaign's folder, not yet taken."""
+    """Return the lock of a campaign's folder, not yet acquired."""
     return Lock(folder / LOCK, f"campaign {folder}")
 
 
 class CampaignWriter:
     """Writes a campaign's folder; one step at a time, each with its own index.
 
-    `meta.status` should be `running`. `lock` is that of a folder which is gone on with, taken by the caller; without it
-    the folder is made. Raises `UsageError` where a folder to be made exists and holds something, or the disk refuses.
+    `meta.status` should be `running`. `lock` is the lock of a folder that is resumed, acquired by the caller; without
+    it the folder is created. Raises `UsageError` if a folder to be created exists and is not empty, or the disk
+    refuses.
     """
 
     def __init__(self, folder: Path, meta: Meta, lock: Lock | None = None) -> None:
@@ -54,9 +55,9 @@ class CampaignWriter:
         append_event(self.folder / JOURNAL, kind, data)
 
     def begin_step(self, info: StepInfo, channels: Sequence[str]) -> StepWriter:
-        """Begin the file of a step that will hold these channels, their time axes among them.
+        """Create the file of a step with these channels, including their time axes.
 
-        Raises `UsageError` where a step is still open, or one with this index is there.
+        Raises `UsageError` if a step is still open, or a step with this index exists.
         """
         if self._step is not None and self._step.is_open:
             raise UsageError(
@@ -68,15 +69,15 @@ class CampaignWriter:
         return self._step
 
     def step_over(self, info: StepInfo) -> None:
-        """Note that a step is complete; the step and its line in the journal are then on the disk."""
+        """Record in the journal that a step is complete; the step and this line are then on the disk."""
         self.event("whole", index=info.index, name=info.name, samples=info.samples, digest=info.digest)
         sync_journal(self.folder / JOURNAL)
 
     def finish(self, status: Status, reason: str = "") -> Path:
-        """Gather all steps in `recording.h5`, check every digest in it, remove `steps/`; returns the path of the file.
+        """Gather all steps in `recording.h5`, check every digest in it, remove `steps/`; return the path of the file.
 
-        A step that is still open is cut. `reason` and the journal are kept as `Meta.provenance["reason"]` and
-        `["journal"]`. Raises `UsageError` where that fails; the finished steps then stay as they are.
+        A step that is still open is cut. `reason` and the journal are stored as `Meta.provenance["reason"]` and
+        `["journal"]`. Raises `UsageError` if this fails; the finished steps then remain unchanged.
         """
         self.event("finish", status=status, reason=reason)
         if self._step is not None and self._step.is_open:
@@ -86,7 +87,7 @@ class CampaignWriter:
         return recording
 
     def release(self) -> None:
-        """Close every file and release the lock, leaving the folder as a crash would: it opens, and can be resumed."""
+        """Close every file and release the lock; the folder is left as after a crash: it opens, and can be resumed."""
         try:
             if self._step is not None:
                 self._step.release()
@@ -95,10 +96,10 @@ class CampaignWriter:
 
 
 def _make(folder: Path, meta: Meta) -> Lock:
-    """Make a campaign's folder without steps, and take its lock."""
+    """Create a campaign's folder without steps, and acquire its lock."""
     require_empty(folder)
     with disk_errors(folder):
-        (folder / STEPS).mkdir(parents=True)  # of two programs at once the second fails here
+        (folder / STEPS).mkdir(parents=True)  # if two programs do this at once, the second fails here
     lock = campaign_lock(folder)
     lock.acquire("recording")
     try:

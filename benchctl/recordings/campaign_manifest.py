@@ -7,11 +7,11 @@
  "digest": "…"}
 ```
 
-`files` has every file of the folder, by its path from there with `/`; `digest` of a recording is that of its root, to
-which its samples lead. The manifest's own `digest` is SHA-256 over `files` as JSON with sorted keys, without spaces, in
-ASCII: it stands for the whole campaign. Left out are the manifest itself, locks, wishes to stop, and hidden files,
-which are the system's or half-written. Like a recording's digests it finds accidents and careless edits, and is no
-signature; whoever keeps its digest elsewhere has one.
+`files` lists every file of the folder by its relative path with `/`; the `digest` of a recording is that of its root,
+which covers its samples. The manifest's own `digest` is SHA-256 over `files` as JSON with sorted keys, without spaces,
+in ASCII: it covers the entire campaign. Excluded are the manifest itself, locks, stop requests, and hidden files, which
+belong to the system or are incomplete. Like the digests of a recording, the manifest reveals accidents and careless
+edits. It is not a signature, unless its digest is kept elsewhere.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from benchctl.confined import open_file, stat_of
 from benchctl.documents import read_json
 from benchctl.limits import cut, require_file, shown
 from benchctl.locks import Lock
-from benchctl.recordings.digests import Problem
+from benchctl.recordings.digests import Mismatch
 from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.schema import LOCK, RECORDING, STOP
 from benchctl_instruments.errors import UsageError, reason
@@ -37,20 +37,20 @@ MANIFEST = "manifest.json"
 SCHEMA = "benchctl-campaign-manifest/1"
 
 _TURN = ".manifest.lock"
-"""Whoever adds to the manifest holds this lock."""
+"""Lock for adding to the manifest."""
 _PATIENCE_S = 60.0
-"""On a busy machine the turns of several programs take seconds."""
+"""Time to wait for the lock: on a busy machine the turns of several programs take seconds."""
 _LEFT_OUT = {MANIFEST, LOCK, str(Path(LOCK).with_suffix(".json")), STOP}
 
 Entry = Mapping[str, Any]
 Integrity = Literal["verified", "not verified", "altered"]
-"""How a file agrees with its campaign's manifest; `not verified`: there is none, or it does not name the file."""
+"""How a file agrees with its campaign's manifest; `not verified`: no manifest, or one that does not list the file."""
 
 
 def write_manifest(folder: Path) -> None:
-    """Write the manifest of a campaign's folder anew, whatever an earlier one said.
+    """Write the manifest of a campaign's folder, in place of any earlier one.
 
-    Raises `UsageError` where a file cannot be read or the disk refuses.
+    Raises `UsageError` if a file cannot be read or the disk refuses.
     """
     with disk_errors(folder / MANIFEST):
         files = {name: _entry(name, path) for name, path in _files(folder)}
@@ -58,11 +58,11 @@ def write_manifest(folder: Path) -> None:
 
 
 def add_to_manifest(folder: Path, paths: Iterable[Path]) -> None:
-    """Take files of a campaign's folder into its manifest that were added or replaced; the other entries stay.
+    """Add new or replaced files of a campaign's folder to its manifest; the other entries stay.
 
-    Programs that do so at once take turns, so that no entry of one is lost to another. Nothing is done where there is
-    no manifest, or one that was changed: it must not become good by this. Raises what `write_manifest` raises, and
-    `UsageError` where another program does not end its turn.
+    Programs that do this at the same time take turns, so that no entry is lost. Nothing is done if there is no manifest
+    or it was changed, because this must not make a changed manifest valid. Raises what `write_manifest` raises, and
+    `UsageError` if another program does not end its turn.
     """
     if not (folder / MANIFEST).exists():
         return
@@ -79,15 +79,15 @@ def add_to_manifest(folder: Path, paths: Iterable[Path]) -> None:
 
 
 def manifest_digest(folder: Path) -> str | None:
-    """The digest that stands for a whole campaign; None where it has no manifest, or one that was changed."""
+    """Return the digest of an entire campaign; None if it has no manifest, or one that was changed."""
     sealed = _sound(folder)
     return None if sealed is None else _digest(sealed)
 
 
 def entries_of(folder: Path) -> Mapping[str, Entry]:
-    """The entries of a campaign's manifest by the paths of the files; empty where there is none.
+    """Return the entries of a campaign's manifest by the paths of the files; empty if there is no manifest.
 
-    Raises `UsageError` where it cannot be used: it was changed, or is of a later version.
+    Raises `UsageError` if it cannot be used: it was changed, or has a later version.
     """
     return _read(folder) if (folder / MANIFEST).exists() else {}
 
@@ -95,8 +95,8 @@ def entries_of(folder: Path) -> Mapping[str, Entry]:
 def integrity(entry: Entry | None, path: Path, digest: str | None = None) -> Integrity:
     """Check a file against its entry in the manifest.
 
-    Of a recording with this `digest` of its root only that and the size are compared, without reading its samples.
-    Raises OSError where the file cannot be read.
+    If the `digest` of a recording's root is given, only it and the size are compared, without reading the samples.
+    Raises OSError if the file cannot be read.
     """
     if entry is None:
         return "not verified"
@@ -104,26 +104,26 @@ def integrity(entry: Entry | None, path: Path, digest: str | None = None) -> Int
     return "verified" if all(entry.get(key) == found[key] for key in found) else "altered"
 
 
-def problems_of_folder(folder: Path) -> Iterator[Problem]:
-    """Every file of a campaign's folder that is not as its manifest, which must be there, has it; reads them all."""
+def problems_of_folder(folder: Path) -> Iterator[Mismatch]:
+    """Yield every file that differs from the manifest of a campaign's folder, which must exist; reads all files."""
     try:
         sealed = _read(folder)
     except UsageError as err:
-        yield Problem(MANIFEST, str(err))
+        yield Mismatch(MANIFEST, str(err))
         return
     found = dict(_files(folder))
     for name in sorted(sealed.keys() | found.keys()):
         where = _printable(name)
         if name not in found:
-            yield Problem(where, "was deleted")
+            yield Mismatch(where, "was deleted")
         elif name not in sealed:
-            yield Problem(where, "was added since the manifest was written")
-        elif says := _difference(sealed[name], found[name]):
-            yield Problem(where, says)
+            yield Mismatch(where, "was added since the manifest was written")
+        elif difference := _difference(sealed[name], found[name]):
+            yield Mismatch(where, difference)
 
 
 def _difference(sealed: Entry, path: Path) -> str:
-    """How a file differs from its entry, in words; empty where it does not."""
+    """Return how a file differs from its entry, in words; empty if it does not."""
     try:
         found = content_of(path)
     except OSError as err:
@@ -138,7 +138,7 @@ def _difference(sealed: Entry, path: Path) -> str:
 
 
 def _files(folder: Path) -> Iterator[tuple[str, Path]]:
-    """The files that a manifest names, by their path from the folder."""
+    """Yield the files that a manifest lists, with their path relative to the folder."""
     for path in sorted(folder.rglob("*")):
         parts = path.relative_to(folder).parts
         name = "/".join(parts)
@@ -151,7 +151,7 @@ def _entry(name: str, path: Path) -> Entry:
 
 
 def _root_digest(path: Path) -> str:
-    """The digest of a whole recording; empty where it cannot be read."""
+    """Return the digest of a recording's root; empty if it cannot be read."""
     try:
         with closing(RecordingFile(path)) as recording:
             return recording.digest
@@ -160,7 +160,7 @@ def _root_digest(path: Path) -> str:
 
 
 def content_of(path: Path) -> Entry:
-    """SHA-256 and size of a file; raises OSError where it cannot be read."""
+    """Return SHA-256 and size of a file; raises OSError if it cannot be read."""
     with open_file(path) as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
         return {"sha256": sha256, "bytes": file.tell()}
@@ -173,7 +173,7 @@ def _write(folder: Path, files: Mapping[str, Entry]) -> None:
 
 
 def _sound(folder: Path) -> dict[str, Entry] | None:
-    """The entries of a manifest; None where there is none, or one that was changed."""
+    """Return the entries of a manifest; None if there is none, or it was changed."""
     try:
         return _read(folder) if (folder / MANIFEST).exists() else None
     except UsageError:
@@ -181,7 +181,7 @@ def _sound(folder: Path) -> dict[str, Entry] | None:
 
 
 def _read(folder: Path) -> dict[str, Entry]:
-    """The entries of a manifest; `UsageError`, in words that follow its name, where it is none or was changed."""
+    """Return the entries of a manifest; raises `UsageError`, worded to follow its name, if it is invalid or changed."""
     try:
         require_file(folder / MANIFEST, "manifest ")
         content = read_json(folder / MANIFEST, "manifest")

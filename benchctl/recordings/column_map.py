@@ -1,7 +1,7 @@
-"""The map file, checked by pydantic, and the columns of a foreign file that it asks for.
+"""The map file, checked by pydantic, and the columns of a foreign file that it selects.
 
-It says which column is which channel, in which unit, with which sign; `map_examples` explains it by example. The
-columns are kept as they stand, before units and clocks.
+The map states which column is which channel, in which unit, with which sign; `map_examples` explains it by example. The
+columns are kept unconverted, before units and clocks are applied.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ class _Table(BaseModel):
 
 
 class Column(_Table):
-    """Where values stand and what they become: `sign · scale · (value in the channel's unit) + offset`.
+    """Where values are and what they become: `sign · scale · (value in the channel's unit) + offset`.
 
-    `column` is a name, or a number from 1; `index` the column of a matrix in a MAT file, from 1.
+    `column` is a name, or a number from 1; `index` is the column of a matrix in a MAT file, from 1.
     """
 
     known: ClassVar[Mapping[str, units.Conversion]] = {}
@@ -58,19 +58,19 @@ class Column(_Table):
 
     @property
     def conversion(self) -> units.Conversion:
-        """How a value in the file becomes one in the channel's unit, with sign, scale and offset."""
+        """The conversion of a value in the file to the channel's unit, with sign, scale and offset."""
         unit = self.unit_conversion
         factor = self.sign * self.scale
         return units.Conversion(unit.cf, factor * unit.factor, factor * unit.offset + self.offset, unit.divisor)
 
     @property
     def unit_conversion(self) -> units.Conversion:
-        """How the unit alone converts."""
+        """The conversion of the unit alone."""
         return self.known[self.unit]
 
 
 class AngleColumn(Column):
-    """The angle of the table; a sign of -1 where it counts clockwise."""
+    """The angle of the table; the sign is -1 if it counts clockwise."""
 
     known: ClassVar[Mapping[str, units.Conversion]] = units.ANGLE
 
@@ -85,14 +85,14 @@ class AngleColumn(Column):
 
     @property
     def unit_conversion(self) -> units.Conversion:
-        """How the unit alone converts; counts by `counts_per_rev`."""
+        """The conversion of the unit alone; counts are converted by `counts_per_rev`."""
         if self.counts_per_rev is not None and self.unit == units.COUNTS:
             return units.Conversion("degree", 360.0, divisor=self.counts_per_rev)
         return self.known[self.unit]
 
 
 class OutputColumn(Column):
-    """The output of the gyro: volts, or of a digital gyro a rate."""
+    """The output of the gyro: volts, or a rate if the gyro is digital."""
 
     known: ClassVar[Mapping[str, units.Conversion]] = units.GYRO_OUTPUT
     unit: Annotated[str, _known_in(units.GYRO_OUTPUT)]
@@ -127,7 +127,7 @@ class OtherColumn(Column):
 
 
 class Channels(BaseModel):
-    """The channels by name; what has no name of ours is an `OtherColumn`."""
+    """The channels by name; a channel without a benchctl name is an `OtherColumn`."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
     __pydantic_extra__: dict[str, OtherColumn]
@@ -157,7 +157,7 @@ class Channels(BaseModel):
 
 
 class TimeEntry(_Table):
-    """Where the stamps stand, or the rate at which rows follow each other; what to do where stamps are not uniform."""
+    """The column of the stamps, or the rate of the rows; what to do with stamps that are not uniform."""
 
     column: ColumnName | None = None
     index: int | None = Field(default=None, ge=1, le=MOST_COLUMNS)
@@ -182,7 +182,7 @@ class UnitEntry(_Table):
 
 
 class BenchEntry(_Table):
-    """What is known of the bench; `sample_rate_hz` where the stamps are to be checked against it."""
+    """What is known about the bench; `sample_rate_hz` only if the stamps are to be checked against it."""
 
     sample_rate_hz: Rate | None = None
     encoder_counts_per_rev: int = Field(default=0, ge=0, le=MOST_COUNTS_PER_REV)
@@ -193,10 +193,10 @@ class BenchEntry(_Table):
 
 
 class FileEntry(_Table):
-    """How the file is laid out; lines and rows count from 1. A blank as delimiter is any run of blanks and tabs.
+    """The layout of the file; lines and rows count from 1. A blank as delimiter is any run of blanks and tabs.
 
     `table` names the table of an SQLite database, or the place of the table in a JSON document (keys joined by dots);
-    `query` is a SELECT in its stead.
+    `query` is a SELECT that replaces it.
     """
 
     delimiter: str = Field(default=",", min_length=1, max_length=1)
@@ -217,7 +217,7 @@ class FileEntry(_Table):
 
 
 class PointsEntry(_Table):
-    """A table of static points: one row a rate."""
+    """A table of static points: one row per rate."""
 
     rate: RateColumn
     mean: OutputColumn
@@ -238,7 +238,7 @@ class MapStep(StepEntry):
 class ColumnMap(_Table):
     """A map file: channels with their time, or static points.
 
-    `drive` and `chamber` are a lab's models of these parts, for a diagnosis of them.
+    `drive` and `chamber` are a lab's models of these parts, for their diagnosis.
     """
 
     unit: UnitEntry | None = None
@@ -261,23 +261,23 @@ class ColumnMap(_Table):
 
 
 def parse_map(text: str, name: str) -> ColumnMap:
-    """A map file's text; raises `UsageError` that names the file, the line and the field."""
+    """Parse a map file's text; raises `UsageError` with the file, the line and the field."""
     return parse_toml(text, ColumnMap, name)
 
 
 def read_map(path: Path) -> tuple[ColumnMap, str]:
-    """A map file and its text; raises `UsageError` that names the file, the line and the field."""
+    """Return a map file and its text; raises `UsageError` with the file, the line and the field."""
     text = read_text(path, "map file")
     return parse_map(text, str(path)), text
 
 
 TIME = "time_s"
-"""The name under which the column of stamps is kept among the channels."""
+"""The name of the column of stamps among the channels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """A column that the map asks for: a name, or a number from 1, and the column of a matrix where it is one."""
+    """A column that the map selects: a name, or a number from 1, and the column of a matrix if it is one."""
 
     column: str | int
     index: int | None = None
@@ -288,7 +288,7 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawColumns:
-    """Channel -> numbers as the file has them, each of shape (rows,); the first is the file's own `first_row`."""
+    """Channel -> unconverted numbers, each of shape (rows,); the first row is number `first_row` of the file."""
 
     path: Path
     values: Mapping[str, FloatArray]
@@ -297,7 +297,7 @@ class RawColumns:
     row_word: str
 
     def place(self, row: int, channel: str) -> str:
-        """The place of a value: file, line and column; `row` counts from 0."""
+        """Return the place of a value: file, line and column; `row` counts from 0."""
         return f"{self.path}, {self.row_word} {row + self.first_row}, column {self.wanted[channel]}"
 
     def require_finite(self) -> None:
@@ -312,9 +312,9 @@ class RawColumns:
 
 
 def raw_columns(path: Path, columns: Mapping[str, FloatArray], wanted: Mapping[str, Wanted], first: int) -> RawColumns:
-    """The columns by channel, from row `first` on.
+    """Return the columns by channel, from row `first` on.
 
-    Raises `UsageError` where they differ in length, have no such row, or hold what is no finite number.
+    Raises `UsageError` if they differ in length, have no such row, or contain a number that is not finite.
     """
     lengths = {str(wanted[channel]): column.size for channel, column in columns.items()}
     if len(set(lengths.values())) > 1:
@@ -330,7 +330,7 @@ def raw_columns(path: Path, columns: Mapping[str, FloatArray], wanted: Mapping[s
 
 
 def converted(raw: RawColumns, channel: str, entry: Column) -> FloatArray:
-    """A column in the unit of its channel, shape (rows,); raises `UsageError` where scale and offset overflow it."""
+    """Return a column in its channel's unit, shape (rows,); raises `UsageError` if scale and offset overflow it."""
     with np.errstate(over="ignore", invalid="ignore"):
         values = entry.conversion.apply(raw.values[channel])
     odd = np.flatnonzero(~np.isfinite(values))
@@ -343,7 +343,7 @@ def converted(raw: RawColumns, channel: str, entry: Column) -> FloatArray:
 
 
 def wanted_columns(mapping: ColumnMap) -> dict[str, Wanted]:
-    """The columns that a map asks for, by channel; the stamps, where they are a column, as `time_s`."""
+    """Return the columns that a map selects, by channel; the stamps, if they are a column, as `time_s`."""
     found: dict[str, Wanted] = {}
     if mapping.time is not None and mapping.time.column is not None:
         found[TIME] = Wanted(column=mapping.time.column, index=mapping.time.index)

@@ -1,7 +1,7 @@
-"""From the attributes of an HDF5 file back to descriptions, as `schema` lays them out; no attribute is believed.
+"""Read descriptions from the attributes of an HDF5 file, laid out as in `schema`; every attribute is validated.
 
-Whoever works with a description may rely on the types of its fields, and on those of what `Meta.extra` holds under
-names that this program knows.
+A user of a description may rely on the types of its fields, and on the types of what `Meta.extra` contains under names
+that this program knows.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from benchctl_instruments.field_faults import field_fault
 _Description = TypeVar("_Description", StepInfo, Unit, BenchFacts)
 
 _TYPES: Mapping[type, Mapping[str, Any]] = {kind: get_type_hints(kind) for kind in (StepInfo, Unit, BenchFacts)}
-"""The types of their fields; to resolve them for every step takes a third of the time in which it is read."""
+"""The types of their fields, resolved once: to resolve them for every step takes a third of its reading time."""
 
 _MOST_DECIMALS = 17
-"""No float64 has more."""
+"""Maximum number of decimals; no float64 has more."""
 
 _MAY_BE_UNKNOWN = ("chamber_setpoint_c",)
 """Numbers that may be NaN."""
 
 AXIS_ATTRIBUTES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
-"""HDF5's own bookkeeping of axes, in the attributes of channels."""
+"""Attributes of channels in which HDF5 stores their axes."""
 _OWN = {*AXIS_ATTRIBUTES, "digest"}
-"""What a channel has beside what is said of it."""
+"""Attributes of a channel that do not describe it."""
 _SEALS = {"digest", "manifest"}
-"""What the root and a step have beside what is said of them."""
+"""Attributes of the root and of a step that do not describe them."""
 
 
 class _Simulation(BaseModel):
-    """The model that a lab believes in: any table; whoever works with it checks its fields (`diagnosis.gyro.model`)."""
+    """The model that a lab assumes: any table; its users check its fields (`diagnosis.gyro.model`)."""
 
 
 class _ForeignKeys(BaseModel):
@@ -65,22 +65,22 @@ class _Extra(BaseModel):
 
 
 def read_info(group: h5py.Group) -> StepInfo:
-    """A step's description from the attributes of its group; ValueError where they do not make one."""
+    """Return a step's description from the attributes of its group; raises ValueError if they are not valid."""
     known = {item.name for item in fields(StepInfo)}
     found = attributes(group, [name for name in attribute_names(group) if name in known])
-    if "whole" not in found:  # what is not known to be whole is not
+    if "whole" not in found:  # without this attribute a step is never assumed to be complete
         raise ValueError("whole is not there")
     return _made(StepInfo, found)
 
 
 def read_meta(root: h5py.Group) -> Meta:
-    """The reverse of `write_meta`; raises ValueError or UsageError where the attributes do not make one."""
+    """Return the description of a recording from its root; raises ValueError or UsageError if it is not valid."""
     prefixes = ("unit_", "bench_", "provenance_")
     found = attributes(root, [name for name in attribute_names(root) if name.startswith(prefixes)])
     provenance = _part(found, "provenance_")
-    for name, told in {**provenance, "status": attribute(root, "status")}.items():
-        if not isinstance(told, str):
-            raise ValueError(f"{cut(name)} is {shown(told)}, expected text")
+    for name, value in {**provenance, "status": attribute(root, "status")}.items():
+        if not isinstance(value, str):
+            raise ValueError(f"{cut(name)} is {shown(value)}, expected text")
     return Meta(
         status=cast(Status, attribute(root, "status")),
         unit=_made(Unit, _part(found, "unit_")),
@@ -92,14 +92,14 @@ def read_meta(root: h5py.Group) -> Meta:
 
 
 def attributes_of(thing: h5py.Group | h5py.Dataset) -> dict[str, Any]:
-    """The attributes that say something, as plain values: without seals and HDF5's own bookkeeping.
+    """Return the descriptive attributes as plain values, without seals and HDF5's own bookkeeping.
 
-    Of one that is no text and no numbers, which none of ours is, it says so.
+    An attribute that is neither text nor numbers, which benchctl never writes, is returned as a text that states this.
     """
     found = {}
-    beside = _OWN if isinstance(thing, h5py.Dataset) else _SEALS
+    excluded = _OWN if isinstance(thing, h5py.Dataset) else _SEALS
     for name in sorted(attribute_names(thing)):
-        if name not in beside:
+        if name not in excluded:
             try:
                 found[name] = attribute(thing, name)
             except ValueError as err:
@@ -108,7 +108,7 @@ def attributes_of(thing: h5py.Group | h5py.Dataset) -> dict[str, Any]:
 
 
 def _checked_json(root: h5py.Group, name: str, model: type[BaseModel]) -> dict[str, Any] | None:
-    """The JSON of an attribute as it stands, None where there is none or it is null; it has passed the model."""
+    """Return the JSON of an attribute unchanged, after the model has validated it; None if it is absent or null."""
     text = attribute(root, name)
     if text is None:
         return None
@@ -127,7 +127,7 @@ def _checked_json(root: h5py.Group, name: str, model: type[BaseModel]) -> dict[s
 
 
 def _made(kind: type[_Description], found: Mapping[str, Any]) -> _Description:
-    """A description from its fields, each of the type that it is declared with."""
+    """Return a description made from its fields, each of its declared type."""
     types = _TYPES[kind]
     for name in found:
         if name not in types:
@@ -140,7 +140,7 @@ def _made(kind: type[_Description], found: Mapping[str, Any]) -> _Description:
 
 
 def _typed(name: str, value: Any, wanted: Any) -> Any:
-    if isinstance(wanted, UnionType):  # X | None: what is there is an X
+    if isinstance(wanted, UnionType):  # X | None: a value that is present is an X
         wanted = get_args(wanted)[0]
     if wanted is str and isinstance(value, str):
         return value

@@ -1,10 +1,10 @@
-"""Seals a recording, so that any later change is found and named.
+"""Seal a recording, so that any later change is found and named.
 
-What is digested is the content, not the file: SHA-256 over a canonical form that is the same however the samples are
-chunked or compressed. Each channel has the attribute `digest`; each step, and the root, has a `manifest` (canonical
-JSON: its attributes, and the digests of what is in it) and a `digest` of that manifest. The digest of the root
-therefore stands for the entire recording. A seal finds accidents and careless edits; it is no signature: who edits a
-recording on purpose can seal it anew.
+The digest covers the content, not the file: SHA-256 over a canonical form that does not depend on chunks and
+compression. Each channel has the attribute `digest`; each step, and the root, has a `manifest` (canonical JSON: its
+attributes, and the digests of its contents) and a `digest` of that manifest. The digest of the root therefore covers
+the entire recording. A seal reveals accidents and careless edits. It is not a signature: a person who edits a recording
+deliberately can seal it again.
 """
 
 from __future__ import annotations
@@ -39,21 +39,21 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 BLOCK = 1 << 17
-"""Samples that are held in memory at once, 1 MiB."""
+"""Number of samples in memory at once, 1 MiB."""
 
 Item: TypeAlias = h5py.Group | h5py.Dataset | h5py.Datatype
-"""What a group may hold."""
+"""What a group may contain."""
 
 Known = Callable[[str, str], str | None]
-"""The digest of the samples of a step's group and a channel, where somebody has read them already."""
+"""Returns the digest of the samples of a step's group and a channel, if they have been read already; else None."""
 
 _LONG = 80
 _HEX_DIGITS = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
-    """One thing that is not as it was written: where it is, and what is wrong."""
+class Mismatch:
+    """One difference from the written state: where it is, and what is wrong."""
 
     where: str
     says: str
@@ -64,7 +64,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """What a step's attributes say, and channel -> what those of that channel say, seals aside."""
+    """The attributes of a step, and channel -> attributes of that channel, without seals."""
 
     step: Mapping[str, Any]
     channels: Mapping[str, Mapping[str, Any]]
@@ -77,21 +77,21 @@ class SampleDigest:
         self._hash = hashlib.sha256(_canonical({"dtype": "<f8", "shape": [length]}) + b"\n")
 
     def update(self, block: FloatArray) -> None:
-        """Take the next samples, shape (n,)."""
+        """Add the next samples, shape (n,)."""
         self._hash.update(np.ascontiguousarray(block, dtype="<f8").data)
 
     def hexdigest(self) -> str:
-        """The digest of all samples so far."""
+        """Return the digest of all samples so far."""
         return self._hash.hexdigest()
 
 
 def blocks(length: int, size: int = BLOCK) -> Iterator[slice]:
-    """Slices that cover `length` samples."""
+    """Return slices that cover `length` samples."""
     return (slice(start, min(start + size, length)) for start in range(0, length, size))
 
 
 def digest_of(samples: FloatArray | h5py.Dataset) -> str:
-    """The digest of a channel in memory or in a file, read block by block."""
+    """Return the digest of a channel in memory or in a file, read block by block."""
     digest = SampleDigest(len(samples))
     for part in blocks(len(samples)):
         stored = isinstance(samples, h5py.Dataset)
@@ -102,9 +102,9 @@ def digest_of(samples: FloatArray | h5py.Dataset) -> str:
 def seal_step(
     group: h5py.Group, channels: Mapping[str, h5py.Dataset], digests: Mapping[str, str], written: Written | None = None
 ) -> str:
-    """Write the digests of a finished step, channel -> digest of its samples; returns the digest of the step.
+    """Write the digests of a finished step, channel -> digest of its samples; return the digest of the step.
 
-    `written` is what was just written of its attributes; the rest is read.
+    `written` holds the attributes that were just written; None: they are read.
     """
     for name, digest in digests.items():
         _put(channels[name], "digest", digest)
@@ -112,7 +112,7 @@ def seal_step(
 
 
 def seal_recording(root: h5py.Group, attributes: Mapping[str, Plain] | None = None) -> str:
-    """Write the digest of a finished recording, all of whose steps are sealed; returns it.
+    """Write the digest of a finished recording whose steps are all sealed; return it.
 
     `attributes` are those that the root was written with; None: they are read.
     """
@@ -120,54 +120,54 @@ def seal_recording(root: h5py.Group, attributes: Mapping[str, Plain] | None = No
 
 
 def _none_known(*_: str) -> str | None:
-    """Of a recording of which nothing has been read."""
+    """Return None: no channel of the recording has been read."""
     return None
 
 
-def problems_of_recording(root: h5py.Group, known: Known = _none_known) -> Iterator[Problem]:
-    """Everything in a sealed recording that is not as it was sealed; reads every sample but those `known`."""
+def problems_of_recording(root: h5py.Group, known: Known = _none_known) -> Iterator[Mismatch]:
+    """Yield every change of a sealed recording since it was sealed; reads all samples except those in `known`."""
     try:
         yield from _compare(root, _root_manifest(root), "recording", "step")
         steps = child_group(root, STEPS)
-        yield from (Problem("recording", f"{cut(name)} was added") for name in names_in(root) if name != STEPS)
+        yield from (Mismatch("recording", f"{cut(name)} was added") for name in names_in(root) if name != STEPS)
         for name in attribute_names(steps):
-            yield Problem("recording", f"attribute {cut(name)} of the group {STEPS} was added")
+            yield Mismatch("recording", f"attribute {cut(name)} of the group {STEPS} was added")
         names = names_in(steps)
     except ValueError as err:
-        yield Problem("recording", f"cannot be read: {err}")
+        yield Mismatch("recording", f"cannot be read: {err}")
         return
     for name in names:
         try:
             step = child_group(steps, name)
         except ValueError as err:
-            yield Problem(f"step {name}", f"cannot be read: {err}")
+            yield Mismatch(f"step {name}", f"cannot be read: {err}")
         else:
             yield from problems_of_step(step, f"step {name}", partial(known, name))
 
 
 def problems_of_step(
     group: h5py.Group, where: str, known: Callable[[str], str | None] = _none_known
-) -> Iterator[Problem]:
-    """Everything in a sealed step that is not as it was sealed; reads every sample but those of channels `known`."""
+) -> Iterator[Mismatch]:
+    """Yield every change of a sealed step since it was sealed; reads all samples except those of `known` channels."""
     try:
         items = {name: _item(group, name) for name in names_in(group)}
-        workers = cores() if any(map(_is_long, items.values())) else 1  # to start a thread would take as long
+        workers = cores() if any(map(_is_long, items.values())) else 1  # starting a thread would take as long
         digests = in_order(lambda name: _digest_or_reason(items[name], known(name)), items, workers)
         found = dict(zip(items, digests, strict=True))
         yield from _compare(group, _step_manifest(group, items, found), where, "channel")
         sealed = _manifest_in(str(attribute(group, "manifest", "")), "channel") or {"channel": {}}
-        for name, told in sealed["channel"].items():
+        for name, entry in sealed["channel"].items():
             if isinstance(item := items.get(name), h5py.Dataset):
-                if attribute(item, "digest", "none") != told.get("samples"):
-                    yield Problem(f"{where}, channel {cut(name)}", "its digest was changed")
+                if attribute(item, "digest", "none") != entry.get("samples"):
+                    yield Mismatch(f"{where}, channel {cut(name)}", "its digest was changed")
                 if not _is_on_its_axis(name, item):
-                    yield Problem(f"{where}, channel {cut(name)}", "what HDF5 notes of its axis was changed")
+                    yield Mismatch(f"{where}, channel {cut(name)}", "what HDF5 notes of its axis was changed")
     except ValueError as err:
-        yield Problem(where, f"cannot be read: {err}")
+        yield Mismatch(where, f"cannot be read: {err}")
 
 
 def _is_on_its_axis(name: str, item: h5py.Dataset) -> bool:
-    """Whether HDF5's bookkeeping of axes is there, and no text of anybody's in the place of it."""
+    """Whether HDF5's bookkeeping of axes is present, and not replaced by text."""
     found = AXIS_ATTRIBUTES & set(attribute_names(item))
     for each in found & {"DIMENSION_LIST", "REFERENCE_LIST"}:
         with plain_errors():
@@ -180,7 +180,7 @@ def _is_on_its_axis(name: str, item: h5py.Dataset) -> bool:
 
 
 def _item(group: h5py.Group, name: str) -> Item | str:
-    """What a step holds under this name, or why it cannot be had."""
+    """Return what a step contains under this name, or why it cannot be read."""
     try:
         return child(group, name)
     except ValueError as err:
@@ -192,7 +192,7 @@ def _is_long(item: Item | str) -> bool:
         with plain_errors():
             return isinstance(item, h5py.Dataset) and (item.size or 0) > BLOCK
     except ValueError:
-        return False  # its digest says why
+        return False  # the reason is reported with its digest
 
 
 def _digest_or_reason(item: Item | str, known: str | None) -> str:
@@ -211,8 +211,8 @@ def _digest_or_reason(item: Item | str, known: str | None) -> str:
 
 
 def _step_manifest(group: h5py.Group, items: Mapping[str, Item | str], digests: Mapping[str, str]) -> dict[str, Any]:
-    told = {name: _told_of(item) for name, item in items.items()}
-    return _manifest_of(Written(attributes_of(group), told), digests)
+    channels = {name: _told_of(item) for name, item in items.items()}
+    return _manifest_of(Written(attributes_of(group), channels), digests)
 
 
 def _manifest_of(written: Written, digests: Mapping[str, str]) -> dict[str, Any]:
@@ -242,71 +242,71 @@ def _seal(group: h5py.Group, manifest: Mapping[str, Any]) -> str:
 
 
 def _put(thing: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
-    """Write an attribute, in the place of one that is there."""
+    """Write an attribute, in place of an existing one."""
     if h5py.h5a.exists(thing.id, name.encode()):
         h5py.h5a.delete(thing.id, name.encode())
     write_attribute(thing, name, text)
 
 
-def _compare(group: h5py.Group, found: Mapping[str, Any], where: str, part: str) -> Iterator[Problem]:
-    """Compare what is there with the manifest."""
+def _compare(group: h5py.Group, found: Mapping[str, Any], where: str, part: str) -> Iterator[Mismatch]:
+    """Yield the differences between the content and the manifest."""
     if not {"manifest", "digest"} <= set(attribute_names(group)):
-        yield Problem(where, "has no digest: it was not written to its end, or not by this program")
+        yield Mismatch(where, "has no digest: it was not written to its end, or not by this program")
         return
     text = str(attribute(group, "manifest"))
     if hashlib.sha256(text.encode()).hexdigest() != attribute(group, "digest"):
-        yield Problem(where, "its manifest or its digest was changed")
+        yield Mismatch(where, "its manifest or its digest was changed")
         return
     sealed = _manifest_in(text, part)
     if sealed is None:
-        yield Problem(where, "its manifest is none, though it has its digest: it was not written by this program")
+        yield Mismatch(where, "its manifest is none, though it has its digest: it was not written by this program")
         return
     yield from _differences(sealed["attributes"], found["attributes"], where, "attribute")
     for name in sorted(sealed[part].keys() | found[part].keys()):
         if name not in found[part]:
-            yield Problem(f"{where}, {part} {name}", "was deleted")
+            yield Mismatch(f"{where}, {part} {name}", "was deleted")
         elif name not in sealed[part]:
-            yield Problem(f"{where}, {part} {name}", "was added")
+            yield Mismatch(f"{where}, {part} {name}", "was added")
         else:
             yield from _differences(sealed[part][name], found[part][name], f"{where}, {part} {name}", "")
 
 
 def _manifest_in(text: str, part: str) -> dict[str, Any] | None:
-    """A manifest: texts by the name of an attribute, and by the name of a `part` and its attributes; None: it is none.
+    """Return a manifest: texts by attribute name, and by the name of a `part` and its attributes; None if invalid.
 
-    Whoever seals a recording anew may seal anything.
+    A recording that was sealed again may contain anything.
     """
     try:
         found = json_document(text, "manifest")
         groups = [found["attributes"], *found[part].values()]
     except (UsageError, TypeError, LookupError, AttributeError):
         return None
-    texts = all(isinstance(group, dict) and all(isinstance(said, str) for said in group.values()) for group in groups)
+    texts = all(isinstance(group, dict) and all(isinstance(text, str) for text in group.values()) for group in groups)
     return found if texts else None
 
 
-def _differences(sealed: Mapping[str, Any], found: Mapping[str, Any], where: str, what: str) -> Iterator[Problem]:
+def _differences(sealed: Mapping[str, Any], found: Mapping[str, Any], where: str, what: str) -> Iterator[Mismatch]:
     for name in sorted(sealed.keys() | found.keys()):
         label = f"{what} {name}".strip()
         if name not in found:
-            yield Problem(where, f"{label} was deleted")
+            yield Mismatch(where, f"{label} was deleted")
         elif name not in sealed:
-            yield Problem(where, f"{label} was added")
+            yield Mismatch(where, f"{label} was added")
         elif sealed[name] != found[name] and len(found[name]) == _HEX_DIGITS:
-            yield Problem(where, f"{label} changed since it was written")
+            yield Mismatch(where, f"{label} changed since it was written")
         elif sealed[name] != found[name]:
-            yield Problem(where, f"{label} changed from {cut(sealed[name])} to {cut(found[name])}")
+            yield Mismatch(where, f"{label} changed from {cut(sealed[name])} to {cut(found[name])}")
 
 
 def _told_of(item: Item | str) -> dict[str, Any]:
     try:
         return {} if isinstance(item, h5py.Datatype | str) else attributes_of(item)
     except ValueError:
-        return {}  # its digest says why
+        return {}  # the reason is reported with its digest
 
 
 def _brief(attributes: Mapping[str, Any]) -> dict[str, str]:
-    """Attributes as JSON; long ones as their digest, so that a manifest stays small."""
+    """Return attributes as JSON; long ones as their digest, so that a manifest stays small."""
     texts = {name: _canonical(value) for name, value in attributes.items()}
     return {
         name: text.decode() if len(text) <= _LONG else f"sha256 {hashlib.sha256(text).hexdigest()}"
@@ -315,14 +315,14 @@ def _brief(attributes: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _canonical(value: object) -> bytes:
-    """JSON with sorted keys, no spaces, UTF-8."""
+    """Return JSON with sorted keys, no spaces, UTF-8."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, default=repr).encode()
 
 
 class ReadDigests:
-    """Of each channel that was read from its first sample to its last, in order; other channels have none.
+    """Digests of the channels that were read from the first sample to the last, in order; other channels have none.
 
-    Channels may be read in several threads, each channel in one at a time.
+    Channels may be read in several threads, each channel in one thread at a time.
     """
 
     def __init__(self) -> None:
@@ -331,7 +331,7 @@ class ReadDigests:
         self._lengths: dict[tuple[int, str], int] = {}
 
     def take(self, step: int, channel: str, length: int, start: int, samples: FloatArray) -> None:
-        """Samples from `start` on were read of a channel of `length` samples in the step of this index."""
+        """Add samples that were read from `start` on; the channel has `length` samples in the step of this index."""
         key = step, channel
         taken = self._taken.get(key, 0)
         if not start <= taken < start + samples.size:
@@ -340,7 +340,7 @@ class ReadDigests:
         self._taken[key], self._lengths[key] = start + samples.size, length
 
     def of(self, step: int, channel: str) -> str | None:
-        """The digest of a channel that was read completely; None where it was not."""
+        """Return the digest of a channel that was read completely; None otherwise."""
         key = step, channel
-        whole = key in self._taken and self._taken[key] == self._lengths[key]
-        return self._digests[key].hexdigest() if whole else None
+        complete = key in self._taken and self._taken[key] == self._lengths[key]
+        return self._digests[key].hexdigest() if complete else None

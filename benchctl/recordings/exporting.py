@@ -1,14 +1,14 @@
-"""Export a recording: as CSV, as a MATLAB file, as netCDF, as an open recording.
+"""Export a recording as CSV, as a MATLAB file, as netCDF, or as an open recording.
 
-CSV is one file a step and time axis, and `recording.json` with all that is not a sample. The MATLAB file has version 5,
-which every MATLAB and Octave loads.
+CSV has one file per step and time axis, and `recording.json` with everything that is not a sample. The MATLAB file has
+version 5, which every MATLAB and Octave loads.
 
-An open recording is `samples.csv.gz` and `recording.json`. The format wants one uniform clock and knows no gaps. An
-imported open recording has such a clock, keeps its stamps, and comes back with the digits that it came with. A campaign
-of ours has soaks, and with them gaps: its streamed stretches are then stamped anew, one after the other from zero, and
-nothing is resampled. Each step says where it was as `original_t_start`, and `restamped` marks the recording. A
-stretch ends where its step does, or at a gap in the stream, which makes one step several (`name, part 2`). Nothing is
-known of the table between two stretches: no fit may go on from one step to the next.
+An open recording consists of `samples.csv.gz` and `recording.json`. The format requires one uniform clock without gaps.
+An imported open recording has such a clock, keeps its stamps, and is exported with its original digits. A campaign of
+benchctl has soaks, and therefore gaps: its streamed stretches get new stamps, one after the other from zero, and
+nothing is resampled. Each step then states its original start as `original_t_start`, and `restamped` marks the
+recording. A stretch ends at the end of its step, or at a gap in the stream, which divides one step into several (`name,
+part 2`). The table's motion between two stretches is not known: no fit may continue from one step to the next.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from benchctl_instruments.errors import UsageError
 
 COLUMNS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", "chamber_temp_c")
 KINDS = ("static", "constant_rate", "sine", "thermal_ramp", "motion")
-"""Kinds of steps that are listed; the rows of others are kept and belong to no step."""
+"""Kinds of steps that are listed; the rows of other steps are kept and belong to no step."""
 
 _CLOCK_TOLERANCE = 1e-3
-"""How far a stamp may be from the uniform clock, in periods."""
+"""Maximum distance of a stamp from the uniform clock, in periods."""
 _NEW_STAMP_DECIMALS = 9
 
 
@@ -49,7 +49,7 @@ _NEW_STAMP_DECIMALS = 9
 class _Stretch:
     """Samples of one step without a gap: from `first` to before `last`; they begin at row `row` of the file.
 
-    `start_s` is the recorded stamp of the first.
+    `start_s` is the recorded stamp of the first sample.
     """
 
     info: StepInfo
@@ -66,15 +66,15 @@ class _Stretch:
 
 
 def export_open(recording: Recording, folder: Path) -> None:
-    """Write an open recording to a folder, which must not exist or be empty. The bytes depend on the recording alone.
+    """Write an open recording to a folder, which must be absent or empty. The bytes depend on the recording alone.
 
-    Where the chamber (or the gyro's thermistor) was only polled, its column is interpolated linearly between the polls.
+    If the chamber (or the gyro's thermistor) was only polled, its column is interpolated linearly between the polls.
 
     Raises
     ------
     UsageError
         The folder is not empty; no step was streamed; steps have different rates; a step lacks a column that the
-        format needs, or has a sample that is no number.
+        format needs, or has a sample that is not a finite number.
     """
     rate_hz = _rate_of(recording)
     stretches = _stretches_of(recording, rate_hz)
@@ -102,7 +102,7 @@ def export_open(recording: Recording, folder: Path) -> None:
 
 
 def _rate_of(recording: Recording) -> float:
-    """The one rate of all streamed steps."""
+    """Return the one rate of all streamed steps."""
     rates = {
         info.sample_rate_hz or recording.meta.bench.sample_rate_hz: info for info in recording.infos if info.samples
     }
@@ -121,7 +121,7 @@ def _rate_of(recording: Recording) -> float:
 
 
 def _stretches_of(recording: Recording, rate_hz: float) -> list[_Stretch]:
-    """All stretches without a gap, in order of time."""
+    """Return all stretches without a gap, in order of time."""
     found = []
     row = 0
     for info in sorted((info for info in recording.infos if info.samples), key=lambda info: info.t_start):
@@ -134,14 +134,14 @@ def _stretches_of(recording: Recording, rate_hz: float) -> list[_Stretch]:
 
 
 def _is_one_clock(stretches: Sequence[_Stretch], rate_hz: float, decimals: int | None) -> bool:
-    """Whether the recorded stamps of all stretches are those of one uniform clock already, as far as printed."""
+    """Whether the recorded stamps of all stretches already follow one uniform clock, within the printed digits."""
     origin = stretches[0].start_s
     allowed = _CLOCK_TOLERANCE / rate_hz + (10.0**-decimals if decimals is not None else 0.0)
     return all(abs(stretch.start_s - origin - stretch.row / rate_hz) <= allowed for stretch in stretches)
 
 
 def _columns(step: Step, stretch: _Stretch, names: Sequence[str], stamps_s: FloatArray | None) -> list[FloatArray]:
-    """The columns of a stretch, each of shape (rows,)."""
+    """Return the columns of a stretch, each of shape (rows,)."""
     columns = []
     for name in names:
         if name == "time_s" and stamps_s is not None:
@@ -158,7 +158,7 @@ def _columns(step: Step, stretch: _Stretch, names: Sequence[str], stamps_s: Floa
 
 
 def _column(step: Step, name: str) -> FloatArray:
-    """A channel at the rate of the scans; one that was only polled is interpolated linearly."""
+    """Return a channel at the rate of the scans; a channel that was only polled is interpolated linearly."""
     if name in step.channels:
         return step[name]
     polled = f"poll_{name}"
@@ -173,7 +173,7 @@ def _column(step: Step, name: str) -> FloatArray:
 def _description(
     recording: Recording, stretches: Sequence[_Stretch], rate_hz: float, restamped: bool
 ) -> dict[str, Any]:
-    """What goes to `recording.json`; what an import kept under `foreign_keys` goes back to its place."""
+    """Return the content of `recording.json`; keys that an import stored under `foreign_keys` return to their place."""
     meta = recording.meta
     foreign: Mapping[str, Any] = meta.extra.get("foreign_keys", {})
     note = {"restamped": "steps put one after the other, see original_t_start", "source_digest": recording.digest}
@@ -208,7 +208,7 @@ def _bench(meta: Meta, rate_hz: float) -> dict[str, Any]:
 def _step(stretch: _Stretch, rate_hz: float, restamped: bool) -> dict[str, Any]:
     info = stretch.info
     begin_s, end_s = info.t_start, info.t_end
-    if not info.whole:  # it was torn: begun before its first sample came, ended after its last
+    if not info.whole:  # interrupted: it began before its first sample and ended after its last
         begin_s, end_s = stretch.start_s, stretch.start_s + stretch.rows / rate_hz
     entry: dict[str, Any] = {
         "name": info.name if stretch.parts == 1 else f"{info.name}, part {stretch.part}",
@@ -231,18 +231,18 @@ def _step(stretch: _Stretch, rate_hz: float, restamped: bool) -> dict[str, Any]:
 
 FORMAT = "benchctl-csv/1"
 OF_SOME = ("frame_rate_hz", "frames_lost", "frames_bad", "mounting")
-"""What only steps with a digital gyro have, or of a unit mounted across."""
+"""Fields of steps with a digital gyro only, or of a unit mounted across."""
 
 _SUFFIXES: Mapping[Axis, str] = {"time_s": ".csv", "poll_time_s": "_polled.csv", "frame_time_s": "_frames.csv"}
 
 
 def export_csv(recording: Recording, folder: Path) -> None:
-    """Write `0001_name.csv` (the scans), `0001_name_polled.csv` (the polls) for each step, and `recording.json`.
+    """Write `0001_name.csv` (scans) and `0001_name_polled.csv` (polls) for each step, and `recording.json`.
 
-    The frames of a digital gyro go to `0001_name_frames.csv`.
+    The frames of a digital gyro are written to `0001_name_frames.csv`.
 
-    The first line names the channels, units are in `recording.json`. Numbers give back the same float64 when they are
-    read. Raises `UsageError` where the folder exists and holds something, or the disk refuses.
+    The first line names the channels, units are in `recording.json`. Numbers give the same float64 when they are read.
+    Raises `UsageError` if the folder exists and is not empty, or the disk refuses.
     """
     decimals = recording.meta.extra.get("csv_decimals")
     with whole_folder(folder) as temporary:
@@ -266,7 +266,7 @@ def export_csv(recording: Recording, folder: Path) -> None:
 
 
 def without_nan(value: Any) -> Any:
-    """The same with None for every number that JSON cannot write."""
+    """Return the value with None for every number that JSON cannot represent."""
     if isinstance(value, dict):
         return {key: without_nan(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -275,7 +275,7 @@ def without_nan(value: Any) -> Any:
 
 
 def _write_axis(step: Step, axis: Axis, folder: Path, decimals: Mapping[str, int] | None) -> str:
-    """Write the channels of one time axis, the axis first; returns the name of the file, empty where there are none."""
+    """Write the channels of one time axis, the axis first; return the file name, empty if there are no channels."""
     names = sorted((name for name in step.channels if axis_of(name) == axis), key=lambda name: name != axis)
     if not names:
         return ""
@@ -288,15 +288,15 @@ def _write_axis(step: Step, axis: Axis, folder: Path, decimals: Mapping[str, int
 
 
 _LARGEST = 2**31 - 1
-"""Bytes that one variable of this file format may have."""
+"""Maximum size in bytes of one variable in this file format."""
 
 
 def export_mat(recording: Recording, path: Path) -> None:
-    """Write a struct `recording` with everything that is not a sample, and a struct `step_0001` a step.
+    """Write a struct `recording` with everything that is not a sample, and one struct `step_0001` per step.
 
-    A step's fields are its description and its channels, columns of shape (n, 1); `recording.units` names their
-    units. What is not known is left out. Raises `UsageError` where a step is larger than the format admits, or the
-    disk refuses.
+    A step's fields are its description and its channels, columns of shape (n, 1); `recording.units` contains their
+    units. Values that are not known are left out. Raises `UsageError` if a step is larger than the format allows, or
+    the disk refuses.
     """
     with whole_file(path) as temporary:
         savemat(
@@ -310,7 +310,7 @@ def export_mat(recording: Recording, path: Path) -> None:
 
 
 class _Variables(Mapping[str, Any]):
-    """The variables of the file, each step loaded when its turn to be written comes."""
+    """The variables of the file; each step is loaded when it is written."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
@@ -356,15 +356,15 @@ def _known(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _field(name: str) -> str:
-    """A name that MATLAB accepts for a field."""
+    """Return a name that MATLAB accepts for a field."""
     return re.sub(r"[^A-Za-z0-9_]", "_", name)[:63]
 
 
 def export_netcdf(recording: Recording, path: Path) -> None:
-    """Write a netCDF-4 file with a group a step: `xarray.open_dataset(path, group="steps/0001")`.
+    """Write a netCDF-4 file with one group per step: `xarray.open_dataset(path, group="steps/0001")`.
 
-    Every recording of ours already is such a file; this makes one of anything that opens, under a name that tools for
-    netCDF know.
+    Every benchctl recording already is such a file; this makes one of anything that opens, with a file name that netCDF
+    tools recognize.
     """
     write_recording(path, recording.meta, recording.steps())
 
@@ -375,4 +375,4 @@ EXPORTERS: Mapping[str, Callable[[Recording, Path], None]] = {
     "netcdf": export_netcdf,
     "open": export_open,
 }
-"""Format -> what writes it; `csv` and `open` make a folder, `mat` and `netcdf` a file."""
+"""Format -> function that writes it; `csv` and `open` create a folder, `mat` and `netcdf` a file."""

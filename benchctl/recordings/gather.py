@@ -1,4 +1,4 @@
-"""Gather the files of a campaign's steps in the one file that people keep, and take such a file apart again."""
+"""Gather the files of a campaign's steps in one file for keeping, and split such a file into step files again."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from benchctl_instruments.errors import UsageError
 def combine(files: Sequence[Path], path: Path, meta: Meta) -> None:
     """Write one recording with the steps of several sealed files, in the order given.
 
-    Compressed chunks are copied as they are. Before the file gets its name every sample in it is read back and compared
-    with the digest it had in its step's file. Raises `UsageError` where one does not agree or the disk refuses; nothing
-    is left behind.
+    Compressed chunks are copied unchanged. Before the file gets its name, every sample in it is read back and compared
+    with its digest in the step's file. Raises `UsageError` if one does not agree or the disk refuses; no partial file
+    remains.
     """
     with whole_file(path) as temporary:
         with create_hdf5(temporary) as target:
@@ -57,18 +57,18 @@ def combine(files: Sequence[Path], path: Path, meta: Meta) -> None:
 
 
 def _copy(source: h5py.File, step: str, target: h5py.File) -> None:
-    """Copy a step's group, compressed chunks as they are."""
+    """Copy a step's group, with compressed chunks unchanged."""
     reserve(target, sum(dataset.id.get_storage_size() for dataset in source[step].values()))
     source.copy(step, target, step)
     _renew_references(target[step])
 
 
 def take_apart(recording: Path, folder: Path, meta: Meta) -> None:
-    """Write each step of a recording to a separate file, as a campaign's `steps/` has them; the reverse of `combine`.
+    """Write each step of a recording to a separate file, as in a campaign's `steps/`; the reverse of `combine`.
 
-    `folder` is where those files go; it exists. Every sample is read back and compared with its digest. Raises
-    `UsageError` where one does not agree or the disk refuses; the recording, whose digests the caller has checked, is
-    left as it is.
+    `folder` is the existing folder for these files. Every sample is read back and compared with its digest. Raises
+    `UsageError` if one does not agree or the disk refuses; the recording, whose digests the caller has checked, is not
+    changed.
     """
     with closing(RecordingFile(recording)) as described:
         infos = described.infos
@@ -83,7 +83,7 @@ def take_apart(recording: Path, folder: Path, meta: Meta) -> None:
 
 
 def _renew_references(step: h5py.Group) -> None:
-    """Point the channels at their axes again: copied by HDF5 into another file, references point nowhere."""
+    """Attach the channels to their axes again: the references are invalid after HDF5 has copied them."""
     for dataset in step.values():
         for name in ("DIMENSION_LIST", "REFERENCE_LIST"):
             if name in dataset.attrs:
@@ -92,15 +92,15 @@ def _renew_references(step: h5py.Group) -> None:
 
 
 def finished_steps(folder: Path) -> list[Path]:
-    """The files of a campaign's finished steps, in the order of their indices."""
+    """Return the files of a campaign's finished steps, in the order of their indices."""
     return sorted((folder / STEPS).glob(f"[0-9]*{FINISHED_SUFFIX}"))
 
 
 def gather(folder: Path, meta: Meta, status: Status, reason: str) -> Path:
-    """Gather all finished steps in `recording.h5`, check every digest in it, remove their files; returns its path.
+    """Gather all finished steps in `recording.h5`, check every digest in it, remove their files; return its path.
 
-    `reason` and the journal are kept as `Meta.provenance["reason"]` and `["journal"]`. Raises `UsageError` where that
-    fails; the steps then stay as they are.
+    `reason` and the journal are stored as `Meta.provenance["reason"]` and `["journal"]`. Raises `UsageError` if this
+    fails; the steps then remain unchanged.
     """
     sync_journal(folder / JOURNAL)
     provenance = {**meta.provenance, "reason": reason, "journal": journal_text(folder / JOURNAL)}
@@ -111,11 +111,11 @@ def gather(folder: Path, meta: Meta, status: Status, reason: str) -> Path:
 
 
 def remove_gathered(folder: Path, files: Iterable[Path]) -> None:
-    """Remove the files of steps that `recording.h5` holds, all of whose digests were checked, and `campaign.h5`."""
+    """Remove the files of steps that `recording.h5`, with all digests checked, contains, and `campaign.h5`."""
     with disk_errors(folder):
         for file in files:
             file.unlink()
-        with suppress(OSError):  # it holds something else, or is not there
+        with suppress(OSError):  # it is not empty, or does not exist
             (folder / STEPS).rmdir()
         (folder / CAMPAIGN).unlink(missing_ok=True)
         sync_folder(folder)

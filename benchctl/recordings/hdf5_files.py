@@ -1,4 +1,4 @@
-"""Opens HDF5 files that should be recordings and says in one line why one cannot be read."""
+"""Open HDF5 files that should be recordings, and explain in one line why one cannot be read."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ _FAMILY, _VERSION = FORMAT.split("/")
 
 
 class RecordingFile:
-    """One HDF5 file of ours, open for reading: a recording, or a step of a campaign, finished or being written.
+    """One benchctl HDF5 file, open for reading: a recording, or a step of a campaign, finished or being written.
 
-    What is read is digested on the way into `digests`, where given. Raises `UsageError` where the file is absent, is no
-    HDF5, is not ours or newer than this program, or was cut short.
+    Samples are digested into `digests`, if given, while they are read. Raises `UsageError` if the file is absent, not
+    HDF5, not written by benchctl, newer than this program, or truncated.
     """
 
     def __init__(self, path: Path, digests: ReadDigests | None = None) -> None:
@@ -69,15 +69,15 @@ class RecordingFile:
             raise UsageError(f"{path}: its description is damaged ({err}); benchctl verify names what changed") from err
 
     def channels(self, index: int) -> tuple[str, ...]:
-        """The names of a step's channels."""
+        """Return the names of a step's channels."""
         return tuple(self._channels(index))
 
     def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
-        """A step with its samples, of these channels where given.
+        """Return a step with its samples, of these channels if given.
 
-        Of a step being written: those samples that all channels of an axis had when the file was opened. Raises
-        `UsageError` where a channel is damaged, lies outside the file, claims more samples than its bytes can hold, or
-        is more than memory holds.
+        From a step being written, only the samples that all channels of an axis had when the file was opened are read.
+        Raises `UsageError` if a channel is damaged, is stored outside the file, claims more samples than its bytes can
+        hold, or does not fit into memory.
         """
         found, lengths = self._checked(info)
         wanted = {name: lengths[axis_of(name)] for name in found if names is None or name in names}
@@ -90,7 +90,7 @@ class RecordingFile:
             with self._reading(info, name):
                 fill(found[name], start, channels[name][start : start + SCANS_AT_ONCE])
 
-        # Threads pay for themselves only where there is something to unpack.
+        # Threads are worthwhile only if there is something to unpack.
         workers = cores() if len(stretches) > len(wanted) else 1
         for _ in in_order(read, stretches, workers):
             pass
@@ -100,7 +100,7 @@ class RecordingFile:
         return Step(info, channels)
 
     def stored(self, info: StepInfo) -> StoredStep:
-        """A step whose samples are read a stretch at a time; what `load` raises of them is raised then."""
+        """Return a step whose samples are read one stretch at a time; reading raises what `load` raises about them."""
         found, lengths = self._checked(info)
         fill = partial(self._fill, info, found)
         return StoredStep(info, tuple(found), lengths.get("time_s", 0), fill, lengths.get("poll_time_s", 0))
@@ -112,7 +112,7 @@ class RecordingFile:
             self._digests.take(info.index, name, len(found[name]), start, samples)
 
     def _checked(self, info: StepInfo) -> tuple[dict[str, h5py.Dataset], dict[Axis, int]]:
-        """The channels of a step and how many samples all of an axis had when this was first asked."""
+        """Return the channels of a step, and the common number of samples of each axis at the first call."""
         if info.index in self._seen:
             return self._seen[info.index]
         found = self._channels(info.index)
@@ -126,11 +126,11 @@ class RecordingFile:
         return found, lengths
 
     def close(self) -> None:
-        """Let go of the file; safe to call twice."""
+        """Close the file; safe to call twice."""
         self._file.close()
 
     def _info(self, steps: h5py.Group, name: str) -> StepInfo:
-        """A step's description."""
+        """Return a step's description."""
         try:
             group = child_group(steps, name)
             info = read_info(group)
@@ -141,7 +141,7 @@ class RecordingFile:
             raise ValueError(f"step {shown(name)}: {err}") from err
 
     def _so_far(self, info: StepInfo) -> StepInfo:
-        """The description of a step being written, as far as it has come."""
+        """Return the description of a step being written, with its present end and samples."""
         channels, lengths = self._checked(info)
         with plain_errors():
             ends = [float(channels[axis][length - 1]) for axis, length in lengths.items() if length]
@@ -149,7 +149,7 @@ class RecordingFile:
         return replace(info, t_end=t_end, samples=lengths.get("time_s", 0))
 
     def _channels(self, index: int) -> dict[str, h5py.Dataset]:
-        """The channels of a step, in the order in which they are stored."""
+        """Return the channels of a step, in the order in which they are stored."""
         try:
             return _channels(child_group(child_group(self._file, STEPS), f"{index:04d}"))
         except ValueError as err:
@@ -159,7 +159,7 @@ class RecordingFile:
 
     @contextmanager
     def _reading(self, info: StepInfo, channel: str) -> Iterator[None]:
-        """Say which channel could not be read, and why."""
+        """Raise `UsageError` with the channel that could not be read, and the reason."""
         try:
             with plain_errors():
                 yield
@@ -171,18 +171,18 @@ class RecordingFile:
 
 
 def _channels(group: h5py.Group) -> dict[str, h5py.Dataset]:
-    """The channels of a step; what others put beside them is theirs."""
+    """Return the channels of a step; other items in its group are ignored."""
     items = {name: child(group, name) for name in names_in(group)}
     return {name: item for name, item in items.items() if is_channel(item)}
 
 
 def open_ours(path: Path) -> h5py.File:
-    """The HDF5 file itself, open for reading, whatever its description says; `UsageError` as for `RecordingFile`."""
+    """Open an HDF5 file for reading without reading its description; raises `UsageError` as `RecordingFile` does."""
     require_file(path)
     try:
         if not is_own(path):
             require_harmless(path)
-    except OSError:  # which is explained below
+    except OSError:  # explained below
         pass
     except ValueError as err:
         raise UsageError(f"{str(path)!r}: cannot be opened: {err}; copy it again from where it came") from err
@@ -192,7 +192,7 @@ def open_ours(path: Path) -> h5py.File:
         raise UsageError(f"{path}: there is no such file; expected a recording (*.h5) or a campaign's folder") from err
     except OSError as err:
         raise UsageError(f"{path}: {_why(path, err)}") from err
-    except (ValueError, RuntimeError, MemoryError) as err:  # a NUL in the name; a header that HDF5 gives up on
+    except (ValueError, RuntimeError, MemoryError) as err:  # a NUL in the name; a header that HDF5 cannot handle
         raise UsageError(f"{str(path)!r}: cannot be opened: {cut(in_line(str(err)))}") from err
     try:
         problem = _not_ours(attribute(file, "format", "")) or _no_steps(file)
@@ -213,7 +213,7 @@ def _no_steps(file: h5py.File) -> str:
 
 
 def _why(path: Path, err: OSError) -> str:
-    """What HDF5 says of a file that it cannot open, said to a person."""
+    """Return HDF5's reason why it cannot open a file, in words for a user."""
     if isinstance(err, PermissionError):
         return "may not be read by you; ask for the permission"
     if err.errno == errno.ELOOP:
@@ -235,7 +235,7 @@ def _why(path: Path, err: OSError) -> str:
 
 
 def _not_ours(found: object) -> str:
-    """Why a file with this format is none that can be read; empty where it can."""
+    """Return why a file with this format cannot be read; empty if it can."""
     family, _, version = found.partition("/") if isinstance(found, str) else ("", "", "")
     if family != _FAMILY:
         return f"is HDF5, but no recording of benchctl (no format {FORMAT!r}); import it (benchctl import)"

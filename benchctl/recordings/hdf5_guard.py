@@ -1,16 +1,17 @@
-"""What of an HDF5 file may be touched: nothing outside the file, nothing larger than its bytes can pay for.
+"""Limit what is read from an HDF5 file: nothing outside the file, nothing larger than its bytes can hold.
 
-HDF5 lets a file say: this group is in another file, these samples are in /etc/passwd, this dataset has 2**60 samples
-and needs no byte, this chunk is compressed twice, this attribute is a thousand times the same text. A recording needs
-none of it. Everything here raises `ValueError` in a few words, for its callers to say where.
+An HDF5 file can declare that a group is in another file, that samples are in /etc/passwd, that a dataset has 2**60
+samples and no bytes, that a chunk is compressed twice, or that an attribute is a thousand times the same text. A
+recording needs none of this. Everything here raises `ValueError` with a short text; the callers add the place.
 
-Only what Python sees is checked here. What is damaged below that (its B-trees, its heaps) is found in a child process:
-a file from elsewhere is opened there first, with limited memory and time.
+Only what Python can access is checked here. Damage below that (in B-trees, in heaps) is found in a child process: a
+file from elsewhere is opened there first, with limited memory and time.
 
-HDF5 is decoded by a library in C, which a damaged file can crash, keep busy for ever, or make allocate gigabytes. The
-child opens the file and reads all that is not samples; only then does this process open it. What this process wrote,
-and what lies in a campaign's folder, is opened without: no child may cost a third of a second a step. Of a step that
-was being written when its program died HDF5 would wait for the writer to mend what is damaged: it is tried, too.
+HDF5 is a library in C, which a damaged file can crash, keep busy indefinitely, or cause to allocate gigabytes. The
+child opens the file and reads everything except samples; only then does this process open it. Files that this process
+wrote, and files in a campaign's folder, are opened without a child, which would take a third of a second per step. For
+a step that was being written when its program died, HDF5 would wait for the writer to repair damage: such a file is
+checked in a child, too.
 """
 
 from __future__ import annotations
@@ -35,12 +36,12 @@ from benchctl_instruments.errors import BenchError
 
 _FILTERS = {h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32}
 _MOST_ARRAY_BYTES = 1 << 16
-"""An attribute that is an array: HDF5's own limit for one in the header of its group."""
+"""Maximum size of an attribute that is an array: HDF5's own limit for one in the header of its group."""
 
 
 @contextmanager
 def plain_errors() -> Iterator[None]:
-    """Turn whatever h5py raises about a damaged file into a `ValueError` of one line."""
+    """Convert any exception that h5py raises about a damaged file into a `ValueError` of one line."""
     try:
         yield
     except BenchError:
@@ -50,7 +51,7 @@ def plain_errors() -> Iterator[None]:
 
 
 def child(group: h5py.Group, name: str) -> h5py.Group | h5py.Dataset | h5py.Datatype:
-    """What a group holds under this name; `ValueError` where it is not there, or only as a link to elsewhere."""
+    """Return the item of a group with this name; raises `ValueError` if there is none, or a link to elsewhere."""
     with plain_errors():
         _text(name)
         link = group.get(name, getlink=True)
@@ -61,7 +62,7 @@ def child(group: h5py.Group, name: str) -> h5py.Group | h5py.Dataset | h5py.Data
 
 
 def child_group(group: h5py.Group, name: str) -> h5py.Group:
-    """As `child`; `ValueError` where it is no group."""
+    """Return a group as `child` does; raises `ValueError` if it is not a group."""
     found = child(group, name)
     if not isinstance(found, h5py.Group):
         raise ValueError(f"{cut(name)} should be a group and is none")
@@ -69,31 +70,31 @@ def child_group(group: h5py.Group, name: str) -> h5py.Group:
 
 
 def names_in(group: h5py.Group) -> list[str]:
-    """The names in a group."""
+    """Return the names in a group."""
     with plain_errors():
         return [_text(name) for name in group]
 
 
 def attribute_names(thing: h5py.Group | h5py.Dataset) -> list[str]:
-    """The names of the attributes."""
+    """Return the names of the attributes."""
     with plain_errors():
         return [_text(name) for name in thing.attrs]
 
 
 def attributes(thing: h5py.Group | h5py.Dataset, names: Iterable[str]) -> dict[str, Any]:
-    """These attributes, as `attribute` gives each; `ValueError` where they are too much together."""
+    """Return these attributes, each as from `attribute`; raises `ValueError` if they are too large together."""
     found: dict[str, Any] = {}
     size = 0
     for name in names:
         found[name] = attribute(thing, name)
         size += len(found[name]) if isinstance(found[name], str) else 0
-        if size > 2 * MOST_JOURNAL_BYTES:  # a text may be stored once and named by a thousand attributes
+        if size > 2 * MOST_JOURNAL_BYTES:  # a text may be stored once and referenced by a thousand attributes
             raise ValueError(f"its attributes are more than {2 * MOST_JOURNAL_BYTES / 1e6:.0f} MB of text")
     return found
 
 
 def attribute(thing: h5py.Group | h5py.Dataset, name: str, default: Any = None) -> Any:
-    """One attribute as plain text, number or list of numbers; `ValueError` where it is anything else."""
+    """Return one attribute as plain text, number or list of numbers; raises `ValueError` if it is anything else."""
     with plain_errors():
         try:
             found = h5py.h5a.open(thing.id, name.encode("utf-8"))
@@ -117,9 +118,10 @@ def attribute(thing: h5py.Group | h5py.Dataset, name: str, default: Any = None) 
 
 
 def is_channel(item: object) -> bool:
-    """Whether something in a step is a channel: a dataset of one dimension; anything else is its owner's.
+    """Whether an item of a step is a channel: a dataset of one dimension; other items do not belong to benchctl.
 
-    A virtual dataset counts as one, for `check_samples` to refuse: HDF5 opens its sources for no more than its shape.
+    A virtual dataset counts as a channel, so that `check_samples` can refuse it: HDF5 opens its sources merely to
+    return its shape.
     """
     with plain_errors():
         if not isinstance(item, h5py.Dataset):
@@ -128,13 +130,13 @@ def is_channel(item: object) -> bool:
 
 
 def length_of(dataset: h5py.Dataset) -> int:
-    """The samples of a channel; `ValueError` where they cannot or should not be read: see `check_samples`."""
+    """Return the number of samples of a channel; raises `ValueError` as `check_samples` does."""
     check_samples(dataset)
     return int(dataset.shape[0])
 
 
 def check_samples(dataset: h5py.Dataset) -> None:
-    """Raise `ValueError` where a channel is no column of numbers, lies outside the file, or claims more than it has."""
+    """Raise `ValueError` if a channel is not a column of numbers, is outside the file, or claims more than it has."""
     with plain_errors():
         storage = dataset.id.get_create_plist()
         if storage.get_layout() not in (h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED):
@@ -158,12 +160,12 @@ def check_samples(dataset: h5py.Dataset) -> None:
 
 
 def _check_chunks(dataset: h5py.Dataset, chunk_bytes: int, *, packed: bool) -> None:
-    """What is inflated at once is a chunk: neither it nor its compressed bytes may be large."""
+    """Raise `ValueError` if a chunk or its compressed bytes are too large: a chunk is inflated at once."""
     if chunk_bytes > MOST_CHUNK_BYTES:
         raise ValueError(
             f"has chunks of {chunk_bytes} bytes, expected at most {MOST_CHUNK_BYTES}; repack it (h5repack)"
         )
-    if not packed or not hasattr(dataset.id, "chunk_iter"):  # h5py on an HDF5 before 1.14 cannot look
+    if not packed or not hasattr(dataset.id, "chunk_iter"):  # h5py with an HDF5 before 1.14 cannot check this
         return
     largest = 0
 
@@ -172,12 +174,12 @@ def _check_chunks(dataset: h5py.Dataset, chunk_bytes: int, *, packed: bool) -> N
         largest = max(largest, chunk.size)
 
     dataset.id.chunk_iter(look)
-    if largest > chunk_bytes + chunk_bytes // 8 + 1024:  # what deflate adds to noise, and more
+    if largest > chunk_bytes + chunk_bytes // 8 + 1024:  # more than deflate adds to noise
         raise ValueError(f"has a chunk of {largest} bytes that is to become {chunk_bytes}")
 
 
 def _text(text: str) -> str:
-    """The text, `ValueError` where it is no UTF-8: h5py lets such bytes pass as halves of characters."""
+    """Return the text; raises `ValueError` if it is not UTF-8, as h5py returns such bytes as lone surrogates."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError as err:
@@ -186,11 +188,11 @@ def _text(text: str) -> str:
 
 
 _MEMORY_BYTES = 1 << 30
-"""Address space beyond what the child has when it begins; a recording of 500 steps takes 40 MB."""
+"""Address space of the child beyond that at its start; a recording of 500 steps takes 40 MB."""
 _PEAK_BYTES = 1 << 29
-"""Memory in use; HDF5 takes more only of a damaged file, and stops at the limit of the address space."""
+"""Memory in use; HDF5 takes more only for a damaged file, and stops at the limit of the address space."""
 _LEAST_S, _MOST_S, _BYTES_PER_S = 5.0, 120.0, 2e6
-"""Processor time; a recording is read at ten times this rate."""
+"""Limits of processor time, and bytes per second; a recording is read ten times faster than this."""
 _WAITS_S = 20
 """Wall time for a step that no process writes any more; HDF5 needs a tenth of a second."""
 
@@ -200,8 +202,8 @@ _ended: set[Path] = set()
 
 
 def is_own(path: Path) -> bool:
-    """Whether a file lies in a campaign's folder, or is as this process wrote it, or as it was when a child read it."""
-    if "\0" in str(path):  # there is no such file, as opening it says
+    """Whether a file is in a campaign's folder, or unchanged since this process wrote it or a child read it."""
+    if "\0" in str(path):  # there is no such file, as opening it will report
         return True
     campaign = path.parent.parent
     if path.name.endswith(PART_SUFFIX) and (campaign in _ended or not is_held(campaign / LOCK)):
@@ -210,7 +212,7 @@ def is_own(path: Path) -> bool:
 
 
 def note_ended(campaign: Path) -> None:
-    """Note that no process writes the steps of a campaign, whose lock this process has to put them in order."""
+    """Note that no process writes the steps of a campaign; this process has its lock in order to repair them."""
     _ended.add(campaign)
 
 
@@ -220,9 +222,9 @@ def note_own(path: Path) -> None:
 
 
 def require_harmless(path: Path) -> None:
-    """Raise `ValueError` where HDF5 crashes on a file, or needs more memory or time than any recording takes.
+    """Raise `ValueError` if HDF5 crashes on a file, or needs more memory or time than any recording takes.
 
-    A file that is no HDF5 passes; `OSError` as for `benchctl.confined.open_file`.
+    A file that is not HDF5 passes; raises `OSError` as `benchctl.confined.open_file` does.
     """
     waits_s = _WAITS_S if path.name.endswith(PART_SUFFIX) else 0
     limit_s = min(_MOST_S, _LEAST_S + path.stat().st_size / _BYTES_PER_S)
@@ -239,10 +241,10 @@ def require_harmless(path: Path) -> None:
 
 
 def main(path: str, limit_s: float, waits_s: int) -> int:
-    """Read all of a file that is not samples; returns the exit status: 1 where it took too much memory.
+    """Read everything in a file except samples; return the exit status: 1 if this took too much memory.
 
-    With `waits_s` it is one that grows, and the process ends by a signal once that has passed. Whatever else is wrong
-    with the file is for the parent to say.
+    With `waits_s` the file is one that grows, and a signal ends the process after this time. Other errors in the file
+    are left to the parent.
     """
     if waits_s and sys.platform != "win32":
         signal.alarm(waits_s)

@@ -1,7 +1,7 @@
-"""Reads the variables that a map asks for from a MATLAB file, versions 5 to 7.3, which is HDF5.
+"""Read the variables that a map selects from a MATLAB file, versions 5 to 7.3, which is HDF5.
 
-scipy believes the sizes in the file's headers, and follows cells as deep as they go: a child process with limits reads
-the variables, and writes them to its stdout as numpy does.
+scipy trusts the sizes in the file's headers, and follows nested cells to any depth. Therefore a child process with
+limits reads the variables, and writes them to its stdout in numpy's format.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from benchctl_instruments.errors import UsageError, reason
 _MOST_ROWS = 1 << 53
 _NUMERIC = ("double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
 _HDF5 = 2
-"""The major version that a header says of version 7.3."""
+"""The major version in the header of a file of version 7.3."""
 _REFUSED = 2
-"""The child's exit status where it says why."""
+"""The child's exit status if it reports the reason."""
 _LEAST_S, _BYTES_PER_S = 20.0, 1e6
-"""Processor time for a file."""
+"""Processor time for a file: a minimum, and bytes per second."""
 _MEMORY_SHARE, _UNKNOWN_BYTES = 0.9, 4 << 30
-"""Of the machine's memory; where that is not known (Windows), nothing is limited."""
+"""Share of the machine's memory that may be used; if that is not known (Windows), nothing is limited."""
 
 
 def read_mat(path: Path, mapping: ColumnMap) -> RawColumns:
-    """The mapped variables of a MAT file, from the first row that the map says.
+    """Return the mapped variables of a MAT file, from the first row that the map states.
 
     Raises
     ------
     UsageError
-        Not such a file, a variable that is not there or is no column of numbers, columns of different lengths.
+        Not a MAT file, a variable that does not exist or is not a column of numbers, columns of different lengths.
     """
     wanted = wanted_columns(mapping)
     first_variable = mapping.file.first_row_variable
@@ -75,7 +75,7 @@ def _load(path: Path, names: set[str]) -> dict[str, Any]:
 
 
 def main(path: Path, limit_s: float, names: list[str]) -> int:
-    """Write variables to stdout, each as `numpy.save` does, or why they cannot be read; returns the exit status."""
+    """Write variables to stdout as `numpy.save` does, or why they cannot be read; return the exit status."""
     limit_itself(limit_s, _most_bytes())
     try:
         found = _variables(path, names)
@@ -113,7 +113,7 @@ def _variables(path: Path, names: list[str]) -> dict[str, Any]:
 
 
 def _hdf5_variables(path: Path, names: list[str]) -> dict[str, Any]:
-    """Matrices of numbers from a file of version 7.3, which holds them transposed."""
+    """Return matrices of numbers from a file of version 7.3, which stores them transposed."""
     loaded: dict[str, Any] = {}
     try:
         with plain_errors(), h5py.File(path, "r") as file:
@@ -129,14 +129,14 @@ def _hdf5_variables(path: Path, names: list[str]) -> dict[str, Any]:
 
 
 def _class_of(item: Any) -> str:
-    """The class that MATLAB gave a variable, or its numbers' own type where another program wrote the file."""
+    """Return the MATLAB class of a variable, or the type of its numbers if another program wrote the file."""
     if not isinstance(item, h5py.Dataset):
         return "struct"
     return str(attribute(item, "MATLAB_class", "double" if item.dtype.kind in "iuf" else str(item.dtype)))
 
 
 def _check_variable(path: Path, name: str, there: list[tuple[str, str]]) -> None:
-    """Raise `UsageError` where a variable is not there once, or is no matrix of numbers."""
+    """Raise `UsageError` if a variable does not exist exactly once, or is not a matrix of numbers."""
     kinds = [kind for other, kind in there if other == name]
     if not kinds:
         raise UsageError(f"{path}: the variable {name!r} of the map is missing among {listed([n for n, _ in there])}")
@@ -154,7 +154,7 @@ def _first_row(path: Path, name: str, value: Any) -> int:
 
 
 def _column(path: Path, wanted: Wanted, value: Any) -> FloatArray:
-    """One column of numbers, shape (rows,)."""
+    """Return one column of numbers, shape (rows,)."""
     matrix = np.asarray(value)
     if matrix.dtype.kind not in "iuf" or matrix.ndim != 2:
         raise UsageError(f"{path}: {wanted.column} is not a column of numbers but {matrix.dtype} {matrix.shape}")
@@ -171,7 +171,7 @@ def _column(path: Path, wanted: Wanted, value: Any) -> FloatArray:
 
 
 def _as_float64(column: np.ndarray[Any, Any]) -> FloatArray:
-    with np.errstate(invalid="ignore"):  # of a signalling NaN, which is refused later like any other
+    with np.errstate(invalid="ignore"):  # a signalling NaN, which is refused later like any other
         return np.ascontiguousarray(column, dtype=np.float64)
 
 

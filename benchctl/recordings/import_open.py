@@ -1,9 +1,9 @@
-"""Reads an open recording: a folder with `recording.json` and `samples.csv.gz` (or `samples.csv`).
+"""Read an open recording: a folder with `recording.json` and `samples.csv.gz` (or `samples.csv`).
 
-Every fault is one line that names the file, the line and the column, or the key; nothing is guessed. What the format
-does not name is kept: further columns as channels of the same name, further keys in `Meta.extra["foreign_keys"]`
-(under `recording`, `unit`, `bench`, and under `steps` by the index of the step), the order of the columns in
-`csv_columns`, how many decimals they are printed with in `csv_decimals`.
+Every error is one line with the file, the line and the column, or the key; nothing is guessed. What the format does not
+define is kept: further columns as channels of the same name, further keys in `Meta.extra["foreign_keys"]` (under
+`recording`, `unit`, `bench`, and under `steps` by the index of the step), the order of the columns in `csv_columns`,
+the number of their printed decimals in `csv_decimals`.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class _Recording(_Table):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Description:
-    """What `recording.json` says; `foreign_keys` are those that the format does not name, by where they stood."""
+    """The content of `recording.json`; `foreign_keys` are those that the format does not define, by their place."""
 
     unit: Unit
     bench: BenchFacts
@@ -98,17 +98,17 @@ class Description:
 
 
 def is_open_recording(folder: Path) -> bool:
-    """Whether a folder looks like an open recording: it holds a `recording.json`."""
+    """Whether a folder looks like an open recording: it contains a `recording.json`."""
     return (folder / DESCRIPTION).is_file()
 
 
 def read_open_recording(folder: Path) -> tuple[Meta, list[Step]]:
-    """An open recording in memory.
+    """Read an open recording into memory.
 
     Raises
     ------
     UsageError
-        One line that names the file and the line and column, or the key, at fault.
+        One line with the file and the line and column, or the key, at fault.
     """
     description = read_description(folder)
     path = samples_of(folder)
@@ -150,12 +150,12 @@ def read_open_recording(folder: Path) -> tuple[Meta, list[Step]]:
 
 
 def read_description(folder: Path) -> Description:
-    """What `recording.json` says.
+    """Read `recording.json`.
 
     Raises
     ------
     UsageError
-        Where it cannot be read, is not JSON, lacks a key, or a key has the wrong type or value.
+        It cannot be read, is not JSON, lacks a key, or a key has the wrong type or value.
     """
     path = folder / DESCRIPTION
     raw = json_document(read_json_text(path), str(path))
@@ -185,7 +185,7 @@ def read_description(folder: Path) -> Description:
 
 
 def foreign_keys(description: Description, steps: Sequence[Step]) -> dict[str, Any]:
-    """The keys that the format does not name, by where they stood; those of a step under its index as text."""
+    """Return the keys that the format does not define, by their place; those of a step under its index as text."""
     entries = {(entry.name, entry.t_start): entry.unknown_keys for entry in description.steps}
     of_steps = {str(step.info.index): entries.get((step.info.name, step.info.t_start)) for step in steps}
     return {
@@ -199,7 +199,7 @@ def foreign_keys(description: Description, steps: Sequence[Step]) -> dict[str, A
 
 
 def samples_of(folder: Path) -> Path:
-    """The file of samples; raises `UsageError` where there is none, or two."""
+    """Return the file of samples; raises `UsageError` if there is none, or two."""
     both = [folder / "samples.csv.gz", folder / "samples.csv"]
     there = [path for path in both if path.is_file()]
     if len(there) == 1:
@@ -210,7 +210,7 @@ def samples_of(folder: Path) -> Path:
 
 
 def first_fault(err: ValidationError) -> str:
-    """The first thing that pydantic found, as `place.of.key: what is wrong`, and how many more there are."""
+    """Return the first error that pydantic found, as `place.of.key: what is wrong`, and the number of further ones."""
     first, *more = err.errors(include_url=False, include_context=False)
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
     rest = f" (and {len(more)} more)" if more else ""

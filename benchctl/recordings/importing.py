@@ -1,4 +1,4 @@
-"""Import a foreign recording into our own file: find out what it is, read it, write it completely or not at all.
+"""Import a foreign recording into a benchctl file: detect its format, read it, write it completely or not at all.
 
 Columns come from delimited text, JSON (rows, or columns by name), SQLite and MATLAB files, steps from open recordings.
 """
@@ -34,12 +34,12 @@ from benchctl_instruments.errors import UsageError, reason
 
 
 def read_table(path: Path, mapping: ColumnMap) -> RawColumns:
-    """The mapped columns of a text file (gzip or not).
+    """Return the mapped columns of a text file (gzip or not).
 
     Raises
     ------
     UsageError
-        A column that is not there, or a cell that is no finite number; names file, line and column.
+        A column does not exist, or a cell is not a finite number; names file, line and column.
     """
     if mapping.file.first_row_variable is not None:
         raise UsageError(f"{path}: file.first_row_variable is for MAT files; of a text say file.first_line")
@@ -59,7 +59,7 @@ def read_table(path: Path, mapping: ColumnMap) -> RawColumns:
 
 
 def _number(path: Path, wanted: Wanted, names: tuple[str, ...], layout: Layout) -> int:
-    """The number, from 0, of a column."""
+    """Return the number, from 0, of a column."""
     if wanted.index is not None:
         raise UsageError(f"{path}: index belongs to the matrices of MAT files; name the column {wanted.column} alone")
     if isinstance(wanted.column, int):
@@ -75,11 +75,11 @@ def _number(path: Path, wanted: Wanted, names: tuple[str, ...], layout: Layout) 
 
 
 _MEMORY_PER_BYTE = 20
-"""A number that JSON writes in five characters is an object of 24 bytes and more, in a list or a table of names."""
+"""A number of five characters in JSON becomes an object of 24 bytes and more, in a list or a table of names."""
 
 
 def read_json(path: Path, mapping: ColumnMap) -> RawColumns:
-    """The mapped columns of a JSON file: `[{"t": 0.0, …}, …]`, `[[0.0, …], …]` or `{"t": [0.0, …], …}`.
+    """Return the mapped columns of a JSON file: `[{"t": 0.0, …}, …]`, `[[0.0, …], …]` or `{"t": [0.0, …], …}`.
 
     `file.table` names the place of that table in a larger document, keys joined by dots.
 
@@ -94,7 +94,7 @@ def read_json(path: Path, mapping: ColumnMap) -> RawColumns:
         document = json.loads(path.read_bytes())
     except OSError as err:
         raise UsageError(f"{path}: cannot be read: {reason(err)}") from err
-    except (ValueError, RecursionError) as err:  # UnicodeDecodeError among them
+    except (ValueError, RecursionError) as err:  # includes UnicodeDecodeError
         raise UsageError(f"{path}: is no JSON: {cut(str(err))}") from err
     for key in mapping.file.table.split(".") if mapping.file.table else ():
         if not isinstance(document, dict) or key not in document:
@@ -116,16 +116,16 @@ def read_json(path: Path, mapping: ColumnMap) -> RawColumns:
 
 
 def read_sqlite(path: Path, mapping: ColumnMap) -> RawColumns:
-    """The mapped columns of a table (`file.table`, or the only one) or of a SELECT (`file.query`), opened read-only.
+    """Return the mapped columns of a table (`file.table`, or the only one) or of a SELECT (`file.query`), read-only.
 
     Raises
     ------
     UsageError
-        No SQLite database, no such table or column, a query that SQLite refuses, or a value that is no number.
+        Not an SQLite database, no such table or column, a query that SQLite refuses, or a value that is not a number.
     """
     require_file(path)
     try:
-        # the file is one that a lab keeps: nothing is written, and no journal file is made
+        # the file belongs to a lab: nothing is written, and no journal file is created
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
             found = database.execute(mapping.file.query or _everything(_table(path, database, mapping)))
             names = tuple(column[0] for column in found.description or ())
@@ -155,7 +155,7 @@ def _everything(table: str) -> str:
 
 
 def _columns(path: Path, mapping: ColumnMap, names: Sequence[str], column: Callable[[str, int], Any]) -> RawColumns:
-    """Every wanted column from `first_line` on, by its name and its place."""
+    """Return every selected column from `first_line` on; `column` returns one by its name and its place."""
     wanted = wanted_columns(mapping)
     values: dict[str, FloatArray] = {}
     for channel, one in wanted.items():
@@ -165,7 +165,7 @@ def _columns(path: Path, mapping: ColumnMap, names: Sequence[str], column: Calla
 
 
 def _found(path: Path, wanted: Wanted, names: Sequence[str]) -> tuple[str, int]:
-    """A column's name and its place, from 0."""
+    """Return a column's name and its place, from 0."""
     if wanted.index is not None:
         raise UsageError(f"{path}: index belongs to the matrices of MAT files; name the column {wanted.column} alone")
     if isinstance(wanted.column, int):
@@ -179,7 +179,7 @@ def _found(path: Path, wanted: Wanted, names: Sequence[str]) -> tuple[str, int]:
 
 
 def _numbers(path: Path, name: str, values: Any) -> FloatArray:
-    """A column of numbers, shape (rows,); a boolean counts as 0 or 1."""
+    """Return a column of numbers, shape (rows,); a boolean counts as 0 or 1."""
     if not isinstance(values, list):
         raise UsageError(f"{path}: {name} is no list of numbers; name another column")
     for row, value in enumerate(values, 1):
@@ -200,7 +200,7 @@ _OURS = (".h5", ".hdf5")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imported:
-    """What an import made: the file, how many steps and samples it has, and in words what was done to the stamps."""
+    """The result of an import: the file, its number of steps and samples, and the treatment of the stamps in words."""
 
     output: Path
     meta: Meta
@@ -210,21 +210,22 @@ class Imported:
 
 
 def import_recording(source: Path, map_file: Path | None, output: Path) -> Imported:
-    """Write a foreign recording as a file of ours.
+    """Write a foreign recording as a benchctl file.
 
     Parameters
     ----------
     source
         An open recording's folder, delimited text (`.gz` or not), a MAT file, JSON or an SQLite database.
     map_file
-        Which column is which (`map_examples`); an open recording and a table of static points with our names need none.
+        Which column is which (`map_examples`); not needed for an open recording, nor for a table of static points with
+        benchctl's names.
     output
         The HDF5 file to write; it appears only when it is complete.
 
     Raises
     ------
     UsageError
-        One line that names the file and the place at fault.
+        One line with the file and the place at fault.
     """
     meta, steps = read_foreign(source, map_file)
     write_recording(output, meta, steps)
@@ -238,7 +239,7 @@ def import_recording(source: Path, map_file: Path | None, output: Path) -> Impor
 
 
 def read_foreign(source: Path, map_file: Path | None = None) -> tuple[Meta, list[Step]]:
-    """A foreign recording in memory; raises `UsageError` as `import_recording` does."""
+    """Read a foreign recording into memory; raises `UsageError` as `import_recording` does."""
     if not source.exists():
         raise UsageError(f"{source}: there is no such file or folder; correct the name")
     if map_file is None:
@@ -246,9 +247,9 @@ def read_foreign(source: Path, map_file: Path | None = None) -> tuple[Meta, list
     mapping, text = read_map(map_file)
     sources = [source]
     if source.is_dir():
-        beside = read_description(source)
+        description = read_description(source)
         sources = [source / "recording.json", samples_of(source)]
-        meta, steps = build_recording(read_table(sources[1], mapping), mapping, str(map_file), beside)
+        meta, steps = build_recording(read_table(sources[1], mapping), mapping, str(map_file), description)
     else:
         raw = _READERS.get(source.suffix.lower(), read_table)(source, mapping)
         build = build_points if mapping.points is not None else build_recording
@@ -283,5 +284,5 @@ def _with_sources(meta: Meta, sources: Sequence[Path], **further: str) -> Meta:
 
 
 def _kind(source: Path) -> str:
-    """The extension that identifies a file, without `.gz`."""
+    """Return the extension that identifies a file, without `.gz`."""
     return Path(source.name.removesuffix(".gz")).suffix.lower()

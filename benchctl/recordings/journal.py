@@ -1,8 +1,9 @@
-"""The journal of a campaign: one JSON object a line, in the order in which things happened.
+"""The journal of a campaign: one JSON object per line, in the order of the events.
 
-A crash may leave its last line torn. Whoever reads takes the lines that are whole; whoever goes on writing first makes
-an event of the torn one, so that every line is JSON again. Folders come from strangers, too: a line that is too long or
-nested too deep is no event, and events are read one by one, since in memory they are thirty times as large.
+A crash may leave the last line incomplete. Readers use only complete lines; a writer, before it appends, converts the
+incomplete line into an event, so that every line is JSON again. Folders may come from untrusted sources: a line that is
+too long or nested too deep is not an event, and events are read one by one, because they are thirty times as large in
+memory.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ ENDED: tuple[Status, ...] = ("complete", "interrupted", "aborted")
 
 _LONGEST_WORDS = 2000
 _PIECE = MOST_LINE_BYTES // 8
-"""Characters of what is no event that become one; JSON makes at most six of each."""
+"""Characters of an invalid line that become one event; JSON writes at most six for each."""
 
 
 def append_event(path: Path, kind: str, data: dict[str, Any]) -> None:
@@ -41,12 +42,12 @@ def sync_journal(path: Path) -> None:
 
 
 def journal_text(path: Path) -> str:
-    """The journal as it stands; empty where there is none yet.
+    """Return the text of the journal; empty if there is none yet.
 
     Raises
     ------
     UsageError
-        Where it is no file, cannot be read, or is larger than any campaign makes it.
+        It is not a file, cannot be read, or is larger than any campaign makes it.
     """
     require_file(path, "journal ")
     if not path.exists():
@@ -61,27 +62,27 @@ def journal_text(path: Path) -> str:
 
 
 def events_in(text: str) -> Iterator[dict[str, Any]]:
-    """The events of a journal, read one by one; lines that are no JSON object are passed over."""
+    """Return the events of a journal, read one by one; lines that are not JSON objects are skipped."""
     found = (_event(line) for line in text.split("\n"))
     return (event for event in found if event is not None)
 
 
 def mend_journal(path: Path) -> None:
-    """Let every line be whole; one that a crash tore becomes an event of kind `torn` that holds its text.
+    """Make every line complete; a line that a crash interrupted becomes an event of kind `torn` that holds its text.
 
-    Raises what `journal_text` raises, and `UsageError` where the disk refuses.
+    Raises what `journal_text` raises, and `UsageError` if the disk refuses.
     """
     text = journal_text(path)
     lines = text.removesuffix("\n").split("\n") if text else []
-    whole = "".join(f"{mended}\n" for line in lines for mended in _mended(line)).encode()
-    if not path.exists() or path.read_bytes() != whole:
+    content = "".join(f"{mended}\n" for line in lines for mended in _mended(line)).encode()
+    if not path.exists() or path.read_bytes() != content:
         with whole_file(path) as temporary:
-            temporary.write_bytes(whole)
+            temporary.write_bytes(content)
 
 
 def last_word(events: Events) -> tuple[Status, str]:
-    """How a campaign ended whose program is gone, and why: as that said itself, else `aborted`."""
-    said: tuple[Status, str] | None = None
+    """Return how a campaign ended whose program is gone, and why: as the program recorded it, else `aborted`."""
+    recorded: tuple[Status, str] | None = None
     when = "before anything happened"
     for event in events:
         kind = event.get("kind")
@@ -89,19 +90,19 @@ def last_word(events: Events) -> tuple[Status, str]:
             continue
         when = f"last heard of at {_words(event.get('wall_time', 'an unknown time'))}"
         if kind in ("resume", "step"):
-            said = None
+            recorded = None
         elif kind in ("safe", "finish", "recover") and event.get("status") in ENDED:
-            said = event["status"], _words(event.get("reason", ""))
-    return said or ("aborted", f"its program died, {when}")
+            recorded = event["status"], _words(event.get("reason", ""))
+    return recorded or ("aborted", f"its program died, {when}")
 
 
 def planned_steps(events: Events) -> int | None:
-    """How many steps the campaign was to have, as its program noted when it had last begun; None where it did not."""
+    """Return the number of planned steps that the program recorded at its last start; None if it recorded none."""
     planned = None
     for event in events:
-        said = event.get("planned")
-        if isinstance(said, int) and 0 < said <= MOST_JOURNAL_LINES:  # each step is a line at least
-            planned = said
+        count = event.get("planned")
+        if isinstance(count, int) and 0 < count <= MOST_JOURNAL_LINES:  # each step is a line at least
+            planned = count
     return planned
 
 
@@ -127,5 +128,5 @@ def _mended(line: str) -> list[str]:
 
 
 def _words(value: object) -> str:
-    """What an event says, as one line that can be printed and stored."""
+    """Return the content of an event as one line that can be printed and stored."""
     return cut("".join(character if character.isprintable() else " " for character in str(value)), _LONGEST_WORDS)

@@ -1,4 +1,4 @@
-"""The map file explained by example (`maps/*.toml`): what `benchctl import --help` prints."""
+"""The map file explained by example (`maps/*.toml`), as printed by `benchctl import --help`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _FILES = {
 
 
 def example(name: str) -> str:
-    """The text of an example, by the name of its file."""
+    """Return the text of an example, by the name of its file."""
     return files("benchctl.recordings").joinpath("maps", f"{name}.toml").read_text(encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""From columns and a map to a recording: units and signs, the clock, the steps, and an account of what was done."""
+"""Build a recording from columns and a map: units and signs, the clock, the steps, and a report of the treatment."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 FILLED = "filled"
-"""The channel that is 1 where a sample was never measured but filled in, and 0 elsewhere."""
+"""The channel that is 1 where a sample was filled in instead of measured, and 0 elsewhere."""
 
 
 def build_recording(
     raw: RawColumns, mapping: ColumnMap, map_name: str, beside: Description | None = None
 ) -> tuple[Meta, list[Step]]:
-    """A recording in memory; what the map does not say of unit, bench and steps is taken from the description beside.
+    """Build a recording in memory; unit, bench and steps that the map does not state are taken from the description.
 
     The output of a digital gyro stays in `gyro_v`, in deg/s; `Meta.extra["gyro_output_unit"]` is then `deg/s`, else
     `V`. K0 of such a gyro is a number near 1, in (deg/s) per (deg/s).
@@ -43,7 +43,7 @@ def build_recording(
     Raises
     ------
     UsageError
-        Stamps that the map's policy does not admit, steps that do not fit, no unit.
+        Stamps that the map's policy does not allow, steps that do not fit, no unit.
     """
     if mapping.time is None or mapping.channels is None:
         raise UsageError(f"{map_name}: maps no samples, expected [time] and [channels.…]")
@@ -85,7 +85,7 @@ def build_recording(
 
 
 def unit_of(mapping: ColumnMap, beside: Description | None, map_name: str) -> Unit:
-    """The gyro under test; raises `UsageError` where nobody says which it is."""
+    """Return the gyro under test; raises `UsageError` if neither map nor description states it."""
     if mapping.unit is not None:
         return Unit(**mapping.unit.model_dump())
     if beside is None:
@@ -94,9 +94,9 @@ def unit_of(mapping: ColumnMap, beside: Description | None, map_name: str) -> Un
 
 
 def bench_of(mapping: ColumnMap, beside: Description | None, rate_hz: float | None) -> BenchFacts:
-    """What is known of the bench: what the map says, else what is said beside; the rate is that of the clock."""
-    said = {name: getattr(mapping.bench, name) for name in mapping.bench.model_fields_set}
-    known = {**({} if beside is None else asdict(beside.bench)), **said, "sample_rate_hz": rate_hz or 0.0}
+    """Return the facts about the bench, from the map, else from the description; the rate is that of the clock."""
+    stated = {name: getattr(mapping.bench, name) for name in mapping.bench.model_fields_set}
+    known = {**({} if beside is None else asdict(beside.bench)), **stated, "sample_rate_hz": rate_hz or 0.0}
     return BenchFacts(**known)
 
 
@@ -135,7 +135,7 @@ def _clock(raw: RawColumns, entry: TimeEntry, stated_hz: float | None) -> TimeBa
 
 
 def _mean_rate(stamps_s: FloatArray) -> float:
-    """The rate of the rows (Hz), from the median step, sharpened over the whole where there is no gap; 12 digits."""
+    """Return the rate of the rows (Hz) from the median step, refined over the full span without gaps; 12 digits."""
     if stamps_s.size < 2:
         raise StampError(0, "one row defines no rate; say bench.sample_rate_hz")
     steps = np.diff(stamps_s)
@@ -143,25 +143,25 @@ def _mean_rate(stamps_s: FloatArray) -> float:
     if median < 1.0 / HIGHEST_RATE_HZ:
         raise StampError(1, f"rows follow each other after {median:.3g} s, faster than {HIGHEST_RATE_HZ:g} Hz")
     span = float(stamps_s[-1] - stamps_s[0])
-    whole = round(span / median)
-    return float(f"{whole / span if whole == steps.size else 1.0 / median:.12g}")
+    intervals = round(span / median)
+    return float(f"{intervals / span if intervals == steps.size else 1.0 / median:.12g}")
 
 
 def _repeats(values: Mapping[str, FloatArray]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Which rows hold the values of the row before again in all mapped columns, shape (rows,)."""
+    """Return which rows repeat the values of the row before in all mapped columns, shape (rows,)."""
     same = [np.r_[False, column[1:] == column[:-1]] for name, column in values.items() if name != TIME]
     return np.asarray(np.logical_and.reduce(same), dtype=np.bool_)
 
 
 def _place_angle(base: TimeBase, angle_deg: FloatArray) -> FloatArray:
-    """An angle on the clock, wrapped to 0…360; filled in along the turn, not across the wrap."""
+    """Return an angle on the clock, wrapped to 0…360; filled in along the rotation, not across the wrap."""
     if base.filled.any():
         angle_deg = np.unwrap(angle_deg, period=360.0)
     return np.mod(base.place(angle_deg), 360.0)
 
 
 def _told(base: TimeBase, raw: RawColumns, entry: TimeEntry) -> str:
-    """The account in words."""
+    """Return the report in words."""
     if entry.rate_hz is not None:
         return f"no stamps in the file; rows taken as uniform at {entry.rate_hz:.9g} Hz, as the map says"
     if base.survey is None:
@@ -169,7 +169,7 @@ def _told(base: TimeBase, raw: RawColumns, entry: TimeEntry) -> str:
         return f"stamps as they stand ({kept}), counted from the first"
     survey, first = base.survey, raw.first_row
     lost = sum(gap.missing for gap in survey.gaps)
-    told = [
+    sentences = [
         f"{survey.rows} rows from {raw.row_word} {first}; stamps printed to {survey.resolution_s * 1e3:g} ms"
         if survey.resolution_s
         else f"{survey.rows} rows from {raw.row_word} {first}; stamps printed in full",
@@ -183,17 +183,17 @@ def _told(base: TimeBase, raw: RawColumns, entry: TimeEntry) -> str:
         "each row got its place on that clock, its columns unmoved against each other",
     ]
     if survey.restarts:
-        told.append(f"after {survey.restarts} of the gaps the clock begins anew between two of its places")
+        sentences.append(f"after {survey.restarts} of the gaps the clock begins anew between two of its places")
     filled = int(base.filled.sum())
     if filled:
-        told.append(f"{filled} samples were filled in linearly and are marked in the channel filled")
+        sentences.append(f"{filled} samples were filled in linearly and are marked in the channel filled")
     if len(base.starts) > 1:
-        told.append(f"steps were cut at {len(base.starts) - 1} gaps")
-    return ". ".join(part[:1].upper() + part[1:] for part in told) + "."
+        sentences.append(f"steps were cut at {len(base.starts) - 1} gaps")
+    return ". ".join(part[:1].upper() + part[1:] for part in sentences) + "."
 
 
 def _told_as_json(base: TimeBase, survey: Survey, first_row: int) -> str:
-    """The account for programs; rows and lines are the file's own numbers."""
+    """Return the report for programs; rows and lines are the file's own numbers."""
     return json.dumps(
         {
             "rows": survey.rows,
@@ -217,7 +217,7 @@ def _told_as_json(base: TimeBase, survey: Survey, first_row: int) -> str:
 
 
 def _listed(word: str, rows: Sequence[int]) -> str:
-    """The first rows in brackets; JSON has them all."""
+    """Return the first rows in brackets; the JSON report contains all of them."""
     if not rows:
         return ""
     shown = ", ".join(str(row) for row in rows[:5])

@@ -1,12 +1,12 @@
-"""A recording in memory: what the writer is given, what the reader gives back, what fits and reports work on.
+"""A recording in memory: the input of the writer, the output of the reader, the data for fits and reports.
 
 A recording is a list of steps. A step holds channels; each channel lies on one of the step's time axes:
 
 - `time_s`: the digitizer's scans (encoder, gyro output, gyro thermistor, in one hardware scan);
-- `poll_time_s`: what is asked now and then (the chamber, and while soaking the gyro), much slower;
-- `frame_time_s`: the frames that a digital gyro sends by itself, where the bench has one.
+- `poll_time_s`: what is polled from time to time (the chamber, and in a soak the gyro), much slower;
+- `frame_time_s`: the frames that a digital gyro sends by itself, if the bench has one.
 
-All count seconds from the start of the recording. A soak has only polled channels, and so has what a person did.
+All count seconds from the start of the recording. A soak has only polled channels, and so has an operator's step.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ Axis = Literal["time_s", "poll_time_s", "frame_time_s"]
 AXES: tuple[Axis, ...] = get_args(Axis)
 
 FRAME_CHANNELS = ("frame_time_s", "frame_rate_dps", "frame_temp_c", "frame_status")
-"""What is recorded of a digital gyro."""
+"""The channels of a digital gyro."""
 
 COMPENSATED, COMPENSATED_VALID = "compensated_dps", "compensated_valid"
-"""What `benchctl apply` adds to a step."""
+"""The channels that `benchctl apply` adds to a step."""
 
 UNITS: Mapping[str, str] = {
     "time_s": "s",
@@ -45,7 +45,7 @@ UNITS: Mapping[str, str] = {
     COMPENSATED: "degree/s",
     COMPENSATED_VALID: "1",
 }
-"""The channels that benchctl records, imports or computes, with their CF units; `poll_` begins polled ones."""
+"""The channels that benchctl records, imports or computes, with their CF units; polled ones begin with `poll_`."""
 
 DESCRIPTIONS: Mapping[str, str] = {
     "time_s": "time of the scan since the start of the recording",
@@ -71,7 +71,7 @@ _POLLED_KINDS = ("soak", *_BY_HAND)
 
 
 def axis_of(channel: str) -> Axis:
-    """The time axis on which a channel lies."""
+    """Return the time axis of a channel."""
     if channel in FRAME_CHANNELS:
         return "frame_time_s"
     return "poll_time_s" if channel.startswith("poll_") else "time_s"
@@ -79,16 +79,17 @@ def axis_of(channel: str) -> Axis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepInfo:
-    """What was asked of a step and what became of it; the HDF5 attributes of its group.
+    """The settings of a step and its result; the HDF5 attributes of its group.
 
     `kind` is `soak`, `static`, `constant_rate`, `sine`, `thermal_ramp`, `power_cycle`, `mount` or `ask`; of imports
-    also `motion` (any movement), `static_points` or `unassigned`. `role` is `fit`, `verify` (kept aside: no fit may see
-    it) or `none` (polled steps, and those of a unit mounted across). `sample_rate_hz` is what the digitizer did, which
-    may differ from what the bench asks for. `mounting` is `across` while the unit's input axis
-    lies across the table's axis, else empty. `t_start` and `t_end` are seconds since the start of the recording; of a
-    power cycle, when the supply went off and came on again. `gaps` counts the gaps in the stream. `digest`
-    is empty until the step is closed. `frame_rate_hz` is how often the digital gyro samples, `frames_lost` how many of
-    its frames are missing and `frames_bad` how many failed their check, which are missing, too; None: there is none.
+    also `motion` (any movement), `static_points` or `unassigned`. `role` is `fit`, `verify` (held out: no fit may use
+    it) or `none` (polled steps, and those of a unit mounted across). `sample_rate_hz` is the actual rate of the
+    digitizer, which may differ from the rate that the bench requests. `mounting` is `across` while the unit's input
+    axis lies across the table's axis, else empty. `t_start` and `t_end` are seconds since the start of the recording;
+    of a power cycle, the times at which the supply went off and came on again. `gaps` counts the gaps in the stream.
+    `digest` is empty until the step is closed. `frame_rate_hz` is the sample rate of the digital gyro, `frames_lost`
+    the number of its missing frames and `frames_bad` the number of frames that failed their check, which are missing,
+    too; None: there is no such gyro.
     """
 
     index: int
@@ -113,12 +114,12 @@ class StepInfo:
 
     @property
     def is_cut_attempt(self) -> bool:
-        """Whether a crash or a stop cut it and it was made again: no fit may see it."""
+        """Whether a crash or a stop cut the step and it was played again: no fit may use it."""
         return not self.whole and self.role == "none" and self.kind not in _POLLED_KINDS
 
     @property
     def is_left_out(self) -> bool:
-        """Whether no diagnosis may see it: a cut attempt, what a person did, or a unit mounted across."""
+        """Whether no diagnosis may use it: a cut attempt, an operator's step, or a unit mounted across."""
         return self.is_cut_attempt or bool(self.mounting) or self.kind in _BY_HAND
 
 
@@ -133,7 +134,7 @@ class Unit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchFacts:
-    """What fits must know of the bench; zero or None: not known. `sample_rate_hz` is what bench.toml asks for."""
+    """Facts about the bench that fits need; zero or None: not known. `sample_rate_hz` is what bench.toml requests."""
 
     sample_rate_hz: float
     encoder_counts_per_rev: int = 0
@@ -144,7 +145,7 @@ class BenchFacts:
 
     @property
     def adc_step_v(self) -> float:
-        """One step of the converter; 0 where bits or range are not known."""
+        """One step of the converter; 0 if bits or range are not known."""
         return 2.0 * self.adc_range_v / 2.0**self.adc_bits if self.adc_bits else 0.0
 
 
@@ -154,9 +155,10 @@ class Meta:
 
     `provenance` holds text: procedure's name, source and parameters (JSON), bench.toml, identities and calibration
     dates of the instruments (JSON), software versions (JSON), operator, start (ISO 8601, UTC), source files and their
-    digests of an import (JSON). `simulation` is the model that the lab believes in (`open-recording` key
-    `simulation`), or None.
-    `extra` keeps what a foreign recording brought and we have no name for, so that an export gives it back.
+    digests of an import (JSON). `simulation` is the model that the lab assumes (`open-recording` key `simulation`), or
+    None.
+
+    `extra` keeps data of a foreign recording that benchctl has no name for, so that an export restores them.
     """
 
     status: Status
@@ -168,7 +170,7 @@ class Meta:
 
     @property
     def output_unit(self) -> str:
-        """The unit of the gyro's output, `gyro_v`: volts, but of some imports a rate, `deg/s`."""
+        """The unit of the gyro's output, `gyro_v`: volts, but for some imports a rate, `deg/s`."""
         return str(self.extra.get("gyro_output_unit", "V"))
 
 
@@ -180,5 +182,5 @@ class Step:
     channels: Mapping[str, FloatArray]
 
     def __getitem__(self, channel: str) -> FloatArray:
-        """The samples of a channel, shape (n,)."""
+        """Return the samples of a channel, shape (n,)."""
         return self.channels[channel]

@@ -1,18 +1,18 @@
-"""Make HDF5 files with room on the disk for what is put into them, open those that grow, and read samples.
+"""Create HDF5 files with reserved disk space, open files that grow, and read samples.
 
 A write that the file system refuses leaves HDF5's cache in a state in which closing the file, or the end of the
-program, crashes (HDF5 2.0.0). So whoever writes reserves the bytes first: no space, a quota or a limit on the size of
-files then is an `OSError`, of which HDF5 notices nothing.
+program, crashes (HDF5 2.0.0). Therefore the bytes are reserved before they are written: no space, a quota or a limit on
+the size of files is then an `OSError`, which HDF5 does not notice.
 
-A growing file is opened without HDF5's own locks. HDF5 locks a file while it is made or opened, and refuses whoever
-comes meanwhile: a viewer that found a step's file in the moment in which the runner made it would stop the run. Who may
-write a campaign is settled by the campaign's own lock (`benchctl.locks`). A finished file is locked as h5py does:
-within one process HDF5 opens a file only in one way.
+A growing file is opened without HDF5's own locks. HDF5 locks a file while it is created or opened, and refuses all
+others meanwhile: a viewer that opened a step's file at the moment of its creation would stop the run. The campaign's
+own lock decides who may write it (`benchctl.locks`). A finished file is locked as h5py does: within one process HDF5
+opens a file only in one way.
 
 Samples that HDF5's own filters packed (shuffle, deflate) are read without HDF5's lock, so that all cores can unpack.
-HDF5 reads and inflates one chunk after the other, and h5py lets no second thread in meanwhile. Here a chunk is fetched
-as it lies in the file, which is a copy, and inflated and put in order outside the lock. Whatever is not packed in just
-this way, or looks odd in any respect, is left to h5py: it reads all that HDF5 can, and its errors say what is wrong.
+HDF5 reads and inflates one chunk after the other, and h5py blocks other threads meanwhile. Here a chunk is read as it
+is stored, which is a copy, and inflated and unshuffled outside the lock. Anything that is not packed in exactly this
+way, or is unusual in any respect, is left to h5py: it reads everything that HDF5 can, and its errors state the reason.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ FINISHED_LIBVER = ("v108", "v110")
 
 _SWMR_LIBVER = ("v110", "v110")
 _OWN_RECORDS = 1 << 20
-"""Bytes that HDF5 needs at most beside the samples that are put in at once: groups, attributes, indices of chunks."""
+"""Maximum bytes that HDF5 needs in addition to the samples of one write: groups, attributes, indices of chunks."""
 
 
 def create_hdf5(path: Path, *, growing: bool = False) -> h5py.File:
-    """A new file, in place of one that is there, with its groups in the order in which they are made.
+    """Create a new file, in place of an existing one; its groups keep the order of their creation.
 
-    `growing`: for SWMR, and whoever has it open does not matter. Raises `OSError` where the disk refuses.
+    `growing`: for SWMR, even if other processes have the file open. Raises `OSError` if the disk refuses.
     """
     trial = beside(path)
     try:
-        with trial.open("wb") as empty:  # once HDF5 has made a file, it must be able to write the file's first bytes
+        with trial.open("wb") as empty:  # once HDF5 has created a file, it must be able to write its first bytes
             _allocate(empty.fileno(), 0, _OWN_RECORDS)
     finally:
         trial.unlink(missing_ok=True)
@@ -56,7 +56,7 @@ def create_hdf5(path: Path, *, growing: bool = False) -> h5py.File:
         locking=False if growing else None,
     )
     try:
-        file.flush()  # what a crash leaves begins with a superblock
+        file.flush()  # a file left by a crash begins with a superblock
         reserve(file, 0)
     except BaseException:
         file.close()
@@ -65,10 +65,10 @@ def create_hdf5(path: Path, *, growing: bool = False) -> h5py.File:
 
 
 def reserve(file: h5py.File, size: int) -> None:
-    """Allocate `size` more bytes on the disk for a file that is being written, and those of HDF5's own records.
+    """Reserve `size` more bytes on the disk for a file that is being written, and those of HDF5's own records.
 
-    Raises `OSError` where the file system refuses them, and what `require_room` raises; the file is as it was. On a
-    system without `posix_fallocate` (Windows, macOS) only the free space is looked at.
+    Raises `OSError` if the file system refuses them, and what `require_room` raises; the file is then unchanged. On a
+    system without `posix_fallocate` (Windows, macOS) only the free space is checked.
     """
     require_room(Path(file.filename), size)
     _allocate(file.id.get_vfd_handle(), file.id.get_filesize(), size + _OWN_RECORDS)
@@ -80,27 +80,27 @@ def _allocate(descriptor: int, start: int, size: int) -> None:
     try:
         os.posix_fallocate(descriptor, start, size)
     except OSError as err:
-        if err.errno not in (errno.EINVAL, errno.EOPNOTSUPP):  # this file system cannot allocate beforehand
+        if err.errno not in (errno.EINVAL, errno.EOPNOTSUPP):  # this file system cannot reserve space
             raise
 
 
 def give_back(path: Path) -> None:
-    """Give back what was reserved for a finished, closed file: HDF5 cuts off what it finds beyond the end."""
+    """Release the reserved space of a finished, closed file: HDF5 truncates what is beyond the end."""
     with h5py.File(path, "r+", libver=FINISHED_LIBVER):
         pass
 
 
 def open_closed(path: Path) -> h5py.File:
-    """A file that no process writes, open for reading; raises what `h5py.File` and `benchctl.confined` raise."""
+    """Open a file that no process writes, for reading; raises what `h5py.File` and `benchctl.confined` raise."""
     with hdf5_name(path) as name:
         return h5py.File(name, "r")
 
 
 def open_growing(path: Path) -> h5py.File:
-    """A file that another process may be writing, open for reading under SWMR; raises what `h5py.File` raises.
+    """Open a file that another process may be writing, for reading under SWMR; raises what `h5py.File` raises.
 
-    Where a header fails its checksum HDF5 reads it again, a hundred times, waiting twice as long each time: for a
-    damaged file that is for ever. `hdf5_guard.require_harmless` finds such a file.
+    If a header fails its checksum, HDF5 reads it again, a hundred times, waiting twice as long each time: for a damaged
+    file this never ends. `hdf5_guard.require_harmless` finds such a file.
     """
     with hdf5_name(path) as name:
         return h5py.File(name, "r", swmr=True, locking=False)
@@ -111,21 +111,21 @@ _BYTES = 8
 
 
 def read_samples(dataset: h5py.Dataset, start: int, stop: int) -> FloatArray:
-    """The samples `start:stop` of a channel that `hdf5_guard.check_samples` has passed; raises what h5py raises."""
+    """Return the samples `start:stop` of a channel that passed `hdf5_guard.check_samples`; raises what h5py raises."""
     samples = np.empty(stop - start)
     fill(dataset, start, samples)
     return samples
 
 
 def fill(dataset: h5py.Dataset, start: int, samples: FloatArray) -> None:
-    """As `read_samples`, into an array that is there."""
+    """Read samples into an existing array, as `read_samples` does."""
     if samples.size and not (_is_packed(dataset) and _unpack(dataset, start, samples)):
         with np.errstate(invalid="ignore"):  # of a signalling NaN in another type
             samples[:] = dataset[start : start + samples.size]
 
 
 def _is_packed(dataset: h5py.Dataset) -> bool:
-    """Whether all chunks should be little-endian float64, shuffled and then deflated."""
+    """Whether all chunks should be little-endian float64, first shuffled and then deflated."""
     if dataset.chunks is None or dataset.dtype != np.dtype("<f8"):
         return False
     storage = dataset.id.get_create_plist()
@@ -133,14 +133,14 @@ def _is_packed(dataset: h5py.Dataset) -> bool:
 
 
 def _unpack(dataset: h5py.Dataset, start: int, samples: FloatArray) -> bool:
-    """Fill the samples from `start` on; False where a chunk is not what it should be."""
+    """Fill the samples from `start` on; return False if a chunk is not as expected."""
     size = dataset.chunks[0]
     for first in range(start - start % size, start + samples.size, size):
         try:
             chunk = dataset.id.get_chunk_info_by_coord((first,))
             if chunk.byte_offset is None or chunk.filter_mask:  # never written, or not packed
                 return False
-            packed = zlib.decompressobj()  # which stops where a chunk is full, however much it would blow up to
+            packed = zlib.decompressobj()  # this stops when a chunk is full, however large it would become
             planes = packed.decompress(dataset.id.read_direct_chunk((first,))[1], size * _BYTES + 1)
         except (MemoryError, OSError, RuntimeError, ValueError, zlib.error):
             return False

@@ -1,6 +1,6 @@
-"""Open a recording, wherever it came from, one step in memory at a time; several of one unit are read as one.
+"""Open a recording from any source, with one step in memory at a time; recordings of one unit can be joined.
 
-Where a campaign is not finished, its folder tells whether its program runs, has ended or has died.
+The folder of an unfinished campaign shows whether its program runs, has ended or has died.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from benchctl_instruments.errors import UsageError, reason
 
 
 def described(folder: Path) -> Meta:
-    """The description of a campaign as it was begun: without an end, a reason and a journal.
+    """Return the description of a campaign at its start: without an end, a reason and a journal.
 
-    It is that of the first file which can be read; each file of a step has it, too. Raises `UsageError` where none can.
+    It is taken from the first file that can be read; each step's file has it, too. Raises `UsageError` if none can.
     """
     unreadable: UsageError | None = None
     candidates = (folder / RECORDING, folder / CAMPAIGN, *sorted((folder / STEPS).glob("[0-9]*")))
@@ -45,9 +45,9 @@ def described(folder: Path) -> Meta:
 
 
 def state_of(folder: Path) -> tuple[Meta, tuple[str, ...]]:
-    """Description and notes of a campaign that is not finished: `running` only where its program does.
+    """Return the description and the notes of an unfinished campaign; `running` only while its program runs.
 
-    `Meta.provenance` holds the journal and, of a program that has died, the `reason`.
+    `Meta.provenance` holds the journal and, if the program has died, the `reason`.
     """
     meta = described(folder)
     journal = journal_text(folder / JOURNAL)
@@ -63,7 +63,7 @@ def state_of(folder: Path) -> tuple[Meta, tuple[str, ...]]:
 
 
 def require_campaign(folder: Path) -> None:
-    """Raise `UsageError` where a folder holds no campaign, or one that died before anything was described."""
+    """Raise `UsageError` if a folder contains no campaign, or one that died before anything was described."""
     if (folder / RECORDING).exists() or (folder / CAMPAIGN).exists() or any((folder / STEPS).glob("[0-9]*")):
         return
     if (folder / STEPS).is_dir():
@@ -74,42 +74,42 @@ def require_campaign(folder: Path) -> None:
 OPEN_DESCRIPTION = "recording.json"
 
 _OPEN_AT_ONCE = 128
-"""Files of an unfinished campaign's steps: far fewer than a process may have open."""
+"""Maximum number of open step files of an unfinished campaign: far fewer than a process may have open."""
 
 
 class StepSource(Protocol):
-    """Where the samples of steps come from."""
+    """The source of the samples of steps."""
 
     def channels(self, index: int) -> tuple[str, ...]:
-        """The names of a step's channels."""
+        """Return the names of a step's channels."""
 
     def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
-        """A step with its samples; of these channels where given."""
+        """Return a step with its samples; of these channels if given."""
 
     def stored(self, info: StepInfo) -> StoredStep:
-        """A step whose samples are read a stretch at a time."""
+        """Return a step whose samples are read one stretch at a time."""
 
     def close(self) -> None:
         """Close what is open; safe to call twice."""
 
 
 class Recording:
-    """A recording that is open for reading; `with` closes it. Made by `open_recording`.
+    """A recording that is open for reading; `with` closes it. Created by `open_recording`.
 
     Attributes
     ----------
     path
-        What was opened.
+        The path that was opened.
     meta
         Everything that is not a sample; of a campaign, its journal (JSON lines) is `meta.provenance["journal"]`.
     infos
         The steps, in order of their index.
     digest
-        The digest of the recording; empty where there is none: a campaign that is not finished, an open recording.
+        The digest of the recording; empty if there is none: an unfinished campaign, an open recording.
     notes
-        What was found amiss and left out, in words.
+        What was found damaged and left out, in words.
     starts_s
-        On the time axis of this one, where each recording that it was joined from begins.
+        The start of each joined recording on the time axis of this one.
     """
 
     def __init__(
@@ -133,25 +133,25 @@ class Recording:
         self._by_index = {info.index: info for info in self.infos}
 
     def steps(self, kinds: Collection[str] | None = None, roles: Collection[str] | None = None) -> Iterator[Step]:
-        """The steps in order, each loaded when its turn comes; of these kinds and roles where given."""
+        """Yield the steps in order, each loaded when it is needed; of these kinds and roles if given."""
         for info in self.infos:
             if (kinds is None or info.kind in kinds) and (roles is None or info.role in roles):
                 yield self._source.load(info)
 
     def stored_steps(self) -> Iterator[StoredStep]:
-        """The steps in order, none of them loaded: for those that may be larger than memory."""
+        """Return the steps in order, none of them loaded: for steps that may be larger than memory."""
         return map(self._source.stored, self.infos)
 
     def stored_step(self, index: int) -> StoredStep:
-        """One step by its `info.index`, not loaded; `UsageError` where there is none."""
+        """Return one step by its `info.index`, not loaded; `UsageError` if there is none."""
         return self._source.stored(self._info(index))
 
     def step(self, index: int, channels: Collection[str] | None = None) -> Step:
-        """One step by its `info.index`, with these of its channels where given; `UsageError` where there is none."""
+        """Return one step by its `info.index`, with these of its channels if given; `UsageError` if there is none."""
         return self._source.load(self._info(index), channels)
 
     def channels(self, index: int) -> tuple[str, ...]:
-        """The names of a step's channels, without loading them; raises `UsageError` where there is no such step."""
+        """Return the names of a step's channels without loading them; raises `UsageError` if there is no such step."""
         return self._source.channels(self._info(index).index)
 
     def close(self) -> None:
@@ -173,15 +173,15 @@ class Recording:
 
 
 def open_recording(path: Path, digests: ReadDigests | None = None) -> Recording:
-    """Open a recording: a file of ours, a campaign's folder (running, dead or finished) or an open recording's folder.
+    """Open a benchctl file, a campaign's folder (running, dead or finished) or an open recording's folder.
 
-    What is read of a finished recording of ours is digested on the way into `digests`, where given.
+    The samples of a finished benchctl recording are digested into `digests`, if given, while they are read.
 
-    Of a campaign that is not finished: its finished steps, and the one being written (`whole=False`) with what has
+    An unfinished campaign has its finished steps, and the step being written (`whole=False`) with the samples that have
     reached its file. Its status is `running` only while its program runs; a note states that it died.
 
-    Raises `UsageError`, in one line, where there is nothing, no HDF5, HDF5 that is not ours or newer than this
-    program, or a file that was cut short.
+    Raises `UsageError`, in one line, if there is nothing, no HDF5, HDF5 that benchctl did not write or that is newer
+    than this program, or a truncated file.
     """
     if not path.is_dir():
         return _open_file(path, digests)
@@ -203,8 +203,8 @@ def _open_file(path: Path, digests: ReadDigests | None) -> Recording:
 def _open_campaign(folder: Path) -> Recording:
     files: dict[int, Path] = {}
     infos: list[StepInfo] = []
-    meta, said = state_of(folder)
-    notes = [*said]
+    meta, state_notes = state_of(folder)
+    notes = [*state_notes]
     opened = lru_cache(_OPEN_AT_ONCE)(_open_step)
     for path in campaign_files(folder):
         try:
@@ -218,9 +218,9 @@ def _open_campaign(folder: Path) -> Recording:
 
 
 def campaign_files(folder: Path) -> list[Path]:
-    """The files of an unfinished campaign's steps, in order; a `.part` only where its step is not finished.
+    """Return the files of an unfinished campaign's steps, in order; a `.part` only if its step is not finished.
 
-    None where there is no folder of steps; raises `UsageError` where it cannot be read.
+    Empty if there is no folder of steps; raises `UsageError` if it cannot be read.
     """
     try:
         names = [name for name in entries_in(folder / STEPS) if name[:1].isdecimal()]
@@ -234,7 +234,7 @@ def campaign_files(folder: Path) -> list[Path]:
 
 
 def _open_step(path: Path) -> RecordingFile:
-    """A step's file; a `.part` may be finished, and so renamed, between two looks at the folder."""
+    """Open a step's file; a `.part` may be finished, and so renamed, between two looks at the folder."""
     finished = path.with_name(f"{path.name.removesuffix(PART_SUFFIX)}{FINISHED_SUFFIX}")
     if path.name.endswith(PART_SUFFIX) and (finished.exists() or not path.exists()):
         return RecordingFile(finished)
@@ -242,9 +242,9 @@ def _open_step(path: Path) -> RecordingFile:
 
 
 class _CampaignFiles:
-    """The steps of a campaign that is not finished; files stay open, those that were used last.
+    """The steps of an unfinished campaign; the files that were used last stay open.
 
-    A file that is in use is closed once it no longer is: when nothing refers to it any more.
+    A file is closed only when nothing refers to it any more.
     """
 
     def __init__(
@@ -289,17 +289,17 @@ class StepsInMemory:
         return stored_of(self._steps[info.index])
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: no file is open."""
 
 
 APART_S = 86400.0
-"""Recordings that are read as one are put a day apart: the bias has walked freely in between."""
+"""Joined recordings are placed one day apart, because the bias has walked freely in between."""
 
 
 def join(recordings: Sequence[Recording]) -> Recording:
-    """One recording of the steps of all, numbered on, on one time axis; what describes it is that of the first.
+    """Return one recording of the steps of all, renumbered, on one time axis, with the description of the first.
 
-    It closes none of them. Raises `UsageError` where they are of different units.
+    The recordings stay open. Raises `UsageError` if they are of different units.
     """
     serials = sorted({recording.meta.unit.serial for recording in recordings})
     if len(serials) > 1:
@@ -327,7 +327,7 @@ def _moved(info: StepInfo, before: int, shift_s: float) -> StepInfo:
 
 
 class _Joined:
-    """Steps that are fetched from where they are, and moved in time."""
+    """Steps that are read from their own recordings and shifted in time."""
 
     def __init__(self, origins: dict[int, tuple[Recording, StepInfo]]) -> None:
         self._origins = origins
@@ -349,4 +349,4 @@ class _Joined:
         return recording.stored_step(origin.index).of(info, info.t_start - origin.t_start)
 
     def close(self) -> None:
-        """They are closed by who opened them."""
+        """Do nothing: the caller closes the recordings."""

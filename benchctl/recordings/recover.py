@@ -1,6 +1,6 @@
-"""Put in order what a crash left in a campaign's folder; close its recording, or open it for going on.
+"""Repair a campaign's folder after a crash; close its recording, or reopen it for resuming.
 
-Nothing that holds data is removed before every digest of what replaces it was checked.
+Nothing that holds data is removed before every digest of its replacement was checked.
 """
 
 from __future__ import annotations
@@ -50,16 +50,16 @@ from benchctl_instruments.errors import UsageError
 _SUPERBLOCK_BYTES = 48
 _FLAGS_AT = 11
 _WRITING, _WRITING_SWMR = 1, 4
-"""Bits of a superblock's consistency flags (HDF5 file format, III.A.2): open for writing, and that under SWMR."""
+"""Bits of a superblock's consistency flags (HDF5 file format, III.A.2): open for writing, and open under SWMR."""
 
 _ROUNDING = 1e-6
-"""Relative: what the rounding of stamps may change of a rate, with room."""
+"""Relative change of a rate by the rounding of stamps, with a margin."""
 
 
 def put_in_order(folder: Path, meta: Meta) -> None:
-    """Mend the journal, close the step that was being written as a cut one, put aside what cannot be read.
+    """Repair the journal, close the step that was being written as a cut one, move unreadable files aside.
 
-    Afterwards every file in `steps/` is a finished step whose digests hold. The caller has the campaign's lock.
+    Afterwards every file in `steps/` is a finished step with valid digests. The caller has the campaign's lock.
     """
     (folder / STEPS).mkdir(exist_ok=True)
     mend_journal(folder / JOURNAL)
@@ -71,10 +71,10 @@ def put_in_order(folder: Path, meta: Meta) -> None:
 
 
 def gathered_files(folder: Path) -> list[Path] | None:
-    """The files in `steps/` that `recording.h5`, all of whose digests hold, has replaced; None: the steps count.
+    """Return the files in `steps/` that an intact `recording.h5` has replaced; None if the steps are still needed.
 
-    They count where there is no recording, or one that is damaged. Raises `UsageError` where that is damaged and there
-    is no step, or is sound and lacks a step that is there.
+    They are needed if there is no recording, or a damaged one. Raises `UsageError` if the recording is damaged and
+    there is no step, or if it is intact and lacks an existing step.
     """
     recording, files = folder / RECORDING, sorted((folder / STEPS).glob(f"[0-9]*{FINISHED_SUFFIX}*"))
     if not recording.exists():
@@ -95,21 +95,21 @@ def gathered_files(folder: Path) -> list[Path] | None:
 
 
 def _is_held(file: Path, held: Mapping[int, str]) -> bool:
-    """Whether a recording, which has the digests of its steps by their index, holds all that a step's file has."""
+    """Whether a recording, given by its steps' digests by index, contains everything in a step's file."""
     if not file.name.endswith(PART_SUFFIX) and not damage(file):
         return described_step(file).digest in held.values()
     return int(file.name.partition("_")[0]) in held or _had_only_begun(file)
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove halves of files, which a death has left and whose sources are still there."""
+    """Remove partial files that a crash has left and whose sources still exist."""
     with disk_errors(folder):
         for leftover in [*folder.glob(".*.tmp"), *(folder / STEPS).glob(".*.tmp")]:
             leftover.unlink(missing_ok=True)
 
 
 def described_step(path: Path) -> StepInfo:
-    """The description in the file of a finished step."""
+    """Return the description in the file of a finished step."""
     with closing(RecordingFile(path)) as file:
         if len(file.infos) != 1:
             raise UsageError(f"{path}: expected one step, found {len(file.infos)}")
@@ -117,7 +117,7 @@ def described_step(path: Path) -> StepInfo:
 
 
 def read_step(path: Path) -> Step:
-    """The one step of a step's file, in memory; of a `.part` those samples that all channels of an axis have."""
+    """Read the one step of a step's file; from a `.part` the samples that all channels of an axis have."""
     with closing(RecordingFile(path)) as file:
         if len(file.infos) != 1:
             raise UsageError(f"{path}: expected one step, found {len(file.infos)}")
@@ -125,7 +125,7 @@ def read_step(path: Path) -> Step:
 
 
 def write_step_file(folder: Path, step: Step, meta: Meta) -> Path:
-    """Write a finished step to a campaign's `steps/`; returns its file, which is on the disk, its digests checked."""
+    """Write a finished step to a campaign's `steps/`; return its file, synced to the disk, with its digests checked."""
     path = folder / STEPS / f"{file_stem(step.info)}{FINISHED_SUFFIX}"
     write_recording(path, meta, [step])
     require_intact(path)
@@ -149,7 +149,7 @@ def _close_part(folder: Path, part: Path, meta: Meta) -> None:
 
 
 def _had_only_begun(part: Path) -> bool:
-    """Whether the program died while it made the file: samples are put in under SWMR only, which comes afterwards."""
+    """Whether the program died while it created the file: samples are written only under SWMR, which starts later."""
     with part.open("rb") as file:
         superblock = file.read(_SUPERBLOCK_BYTES)
     if len(superblock) < _SUPERBLOCK_BYTES:
@@ -158,7 +158,7 @@ def _had_only_begun(part: Path) -> bool:
 
 
 def _rate_and_gaps(step: Step) -> tuple[float | None, int]:
-    """The scan rate and how many gaps the scans have, by their stamps: both were to be written at the step's end."""
+    """Return the scan rate and the number of gaps, from the stamps: both would have been written at the step's end."""
     asked_hz = step.info.sample_rate_hz
     if not asked_hz or "time_s" not in step.channels:
         return asked_hz, 0
@@ -171,7 +171,7 @@ def _rate_and_gaps(step: Step) -> tuple[float | None, int]:
 
 
 def _frames_lost(step: Step) -> int | None:
-    """How many frames of a digital gyro are missing among those that are there; None where it has none."""
+    """Return the number of missing frames between the recorded frames of a digital gyro; None if there is no gyro."""
     rate_hz = step.info.frame_rate_hz
     if not rate_hz or "frame_time_s" not in step.channels:
         return None
@@ -179,7 +179,7 @@ def _frames_lost(step: Step) -> int | None:
 
 
 def damage(sealed: Path) -> str:
-    """Why a finished step, or a recording, cannot be used, after all its digests were checked; empty where it can."""
+    """Return why a finished step, or a recording, cannot be used, with all its digests checked; empty if it can."""
     try:
         with open_ours(sealed) as file:
             return "; ".join(str(problem) for problem in problems_of_recording(file))
@@ -188,7 +188,7 @@ def damage(sealed: Path) -> str:
 
 
 def put_recording_aside(folder: Path) -> None:
-    """Put `recording.h5`, where it is there, to the files that cannot be used: the steps are gathered again."""
+    """Move `recording.h5`, if it exists, to the unreadable files: the steps are gathered again."""
     mend_journal(folder / JOURNAL)
     if (folder / RECORDING).exists():
         _put_aside(folder, folder / RECORDING, damage(folder / RECORDING))
@@ -209,7 +209,7 @@ def _put_aside(folder: Path, file: Path, why: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recovered:
-    """A campaign whose recording is closed; `was_closed`: it was so before. `unreadable` files were put aside."""
+    """A campaign whose recording is closed; `was_closed`: it already was. `unreadable` files were moved aside."""
 
     recording: Path
     status: Status
@@ -220,23 +220,23 @@ class Recovered:
 
     @property
     def whole(self) -> int:
-        """How many steps are complete."""
+        """The number of complete steps."""
         return sum(info.whole for info in self.steps)
 
 
 def recover(folder: Path) -> Recovered:
-    """Gather what a campaign whose program died has recorded in `recording.h5`, and write the folder's manifest.
+    """Gather the steps of a campaign whose program died into `recording.h5`, and write the folder's manifest.
 
-    Does nothing where that was done. The step that was being written becomes a cut one. Where `recording.h5` is damaged
-    and there are steps, they are gathered again. Nothing is removed before every digest of what replaces it was
-    checked, so that it may die itself and be called again. Raises `UsageError` where the campaign is being written, the
-    folder holds none, a damaged recording is all there is, or the disk refuses.
+    Does nothing if this was already done. The step that was being written becomes a cut one. If `recording.h5` is
+    damaged and there are steps, they are gathered again. Nothing is removed before every digest of its replacement was
+    checked, so this may itself be interrupted and called again. Raises `UsageError` if the campaign is being written,
+    the folder contains none, there is only a damaged recording, or the disk refuses.
     """
     require_campaign(folder)
     was_closed = (folder / RECORDING).exists()
     begun = (folder / STEPS).exists() or (folder / CAMPAIGN).exists()
     unfinished = begun or not was_closed or not (folder / MANIFEST).exists()
-    if unfinished or (folder / LOCK).exists():  # a death as the last thing was done leaves the lock's files
+    if unfinished or (folder / LOCK).exists():  # a crash in the last action leaves the lock's files
         lock = campaign_lock(folder)
         lock.acquire("benchctl recover")
         note_ended(folder)
@@ -259,7 +259,7 @@ def recover(folder: Path) -> Recovered:
 
 
 def _finish(folder: Path) -> bool:
-    """Whether the recording was there."""
+    """Finish the campaign; return whether its recording already existed."""
     gathered = gathered_files(folder)
     if gathered is None:
         _close(folder)
@@ -280,13 +280,13 @@ def _close(folder: Path) -> None:
 
 
 def _how_it_ended(journal: str, folder: Path) -> tuple[Status, str]:
-    """As the program noted, but complete if and only if every planned step is complete."""
+    """Return status and reason as recorded by the program, but complete if and only if all planned steps are."""
     status, reason = last_word(events_in(journal))
     planned = planned_steps(events_in(journal))
     if planned is None:
         return status, reason
-    whole = {info.index for info in map(described_step, finished_steps(folder)) if info.whole}
-    missing = [str(number) for number in range(1, planned + 1) if number not in whole]
+    complete = {info.index for info in map(described_step, finished_steps(folder)) if info.whole}
+    missing = [str(number) for number in range(1, planned + 1) if number not in complete]
     if not missing:
         return "complete", ""
     if status == "complete":
@@ -295,30 +295,31 @@ def _how_it_ended(journal: str, folder: Path) -> tuple[Status, str]:
 
 
 def sound_steps(folder: Path) -> tuple[StepInfo, ...]:
-    """The steps that `reopen` finds in a campaign: those whose digests hold, and what can be read of a cut one.
+    """Return the steps that `reopen` finds in a campaign: those with valid digests, and the readable part of a cut one.
 
-    Nothing is changed. Raises `UsageError` where a damaged `recording.h5` is all there is.
+    Nothing is changed. Raises `UsageError` if there is only a damaged `recording.h5`.
     """
     if gathered_files(folder) is not None:
         with closing(RecordingFile(folder / RECORDING)) as recording:
             return recording.infos
     infos = []
     for file in campaign_files(folder):
-        with suppress(UsageError):  # `reopen` puts it aside
+        with suppress(UsageError):  # `reopen` moves it aside
             if file.name.endswith(PART_SUFFIX) or not damage(file):
                 infos.append(described_step(file))
     return tuple(infos)
 
 
 def reopen(folder: Path, planned: int, lock: Lock) -> tuple[CampaignWriter, list[StepInfo]]:
-    """Go on with a campaign of `planned` steps, finished or torn, whose lock the caller has; also returns its steps.
+    """Reopen a campaign of `planned` steps, finished or interrupted, whose lock the caller has; also return its steps.
 
-    A recording is taken apart into files of steps again and removed last, so that a crash meanwhile loses nothing.
-    Planned steps that were cut get an index behind the plan's last and the role `none`: their own is free again.
+    A recording is split into files of steps again and removed last, so that a crash meanwhile loses nothing. Planned
+    steps that were cut get an index after the plan's last one and the role `none`, so that their own index is free
+    again.
     """
     gathered = gathered_files(folder)  # before anything is changed
     with disk_errors(folder):
-        (folder / MANIFEST).unlink(missing_ok=True)  # who closes the campaign again writes it anew
+        (folder / MANIFEST).unlink(missing_ok=True)  # it is written again when the campaign is closed again
     if gathered is not None:
         _take_apart(folder, gathered)
     else:
@@ -344,7 +345,7 @@ def _take_apart(folder: Path, gathered: Sequence[Path]) -> None:
     meta = described(folder)
     with disk_errors(folder):
         for file in gathered:
-            file.unlink()  # of an attempt that died: the recording has it all
+            file.unlink()  # from an interrupted attempt: the recording contains everything
         (folder / STEPS).mkdir(exist_ok=True)
     if not (folder / JOURNAL).exists():
         _restore_journal(recording, folder / JOURNAL)
@@ -364,7 +365,7 @@ def _restore_journal(recording: Path, journal: Path) -> None:
 
 
 def _set_aside(folder: Path, file: Path, planned: int, infos: list[StepInfo], meta: Meta) -> None:
-    """Move a cut step behind the plan's last; `infos` takes it in."""
+    """Move a cut step to an index after the plan's last one, and append it to `infos`."""
     step = read_step(file)
     there = any(info.t_start == step.info.t_start and info.index > planned for info in infos)
     if not there and any(samples.size for samples in step.channels.values()):
@@ -381,5 +382,5 @@ def _set_aside(folder: Path, file: Path, planned: int, infos: list[StepInfo], me
 
 
 def free_index(infos: Sequence[StepInfo], planned: int) -> int:
-    """The first index behind the plan's last that no step has."""
+    """Return the first index after the plan's last one that no step has."""
     return max((planned, *(info.index for info in infos))) + 1

@@ -1,7 +1,7 @@
-"""Runs of samples: those without a gap between two of them, and those in which a condition holds.
+"""Runs of samples: runs without a gap between two samples, and runs in which a condition holds.
 
-A gap lies between two samples whose stamps differ from one sampling interval by more than half of it. One missing
-sample makes a gap, and so does a clock that jumps back; the rounding of a stamp does not.
+A gap lies between two samples if the difference of their stamps differs from one sampling interval by more than half of
+it. One missing sample makes a gap, and so does a clock that jumps back; the rounding of a stamp does not.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 TOLERANCE = 0.5
-"""Sampling intervals by which two neighbours of an even clock may be further apart or closer together than one."""
+"""Sampling intervals by which the distance of two neighbours on an even clock may differ from one interval."""
 
 
 def gaps(steps_s: FloatArray, interval_s: float, tolerance: float = TOLERANCE) -> BoolArray:
-    """Where a gap lies, from the steps between stamps [s], shape (n,); `tolerance` counts intervals of `interval_s`.
+    """Return where a gap lies, from the steps between stamps [s], shape (n,); `tolerance` is in units of `interval_s`.
 
-    Polled samples come as late as the answers before them and need a wider tolerance than those of a hardware clock.
+    Polled samples are delayed by the answers before them, and need a wider tolerance than those of a hardware clock.
     """
     return np.asarray(
         (steps_s > (1.0 + tolerance) * interval_s) | (steps_s < (1.0 - tolerance) * interval_s), dtype=np.bool_
@@ -27,12 +27,12 @@ def gaps(steps_s: FloatArray, interval_s: float, tolerance: float = TOLERANCE) -
 
 
 def gap_free(time_s: FloatArray, interval_s: float, tolerance: float = TOLERANCE) -> list[slice]:
-    """The runs without a gap, one after the other, of samples at these stamps [s], shape (n,); at least one."""
+    """Return the runs without a gap, in order, of samples at these stamps [s], shape (n,); at least one."""
     starts = np.flatnonzero(gaps(np.diff(time_s), interval_s, tolerance)) + 1
     return [slice(first, last) for first, last in pairwise([0, *starts.tolist(), time_s.size])]
 
 
 def holding(condition: BoolArray) -> list[slice]:
-    """The runs of rows in which a condition, shape (n,), is true; none where it never is."""
+    """Return the runs of rows in which a condition, shape (n,), is true; empty if it never is."""
     edges = np.flatnonzero(np.diff(condition.astype(np.int8), prepend=0, append=0)).tolist()
     return [slice(first, last) for first, last in zip(edges[::2], edges[1::2], strict=True)]

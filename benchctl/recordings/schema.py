@@ -1,25 +1,25 @@
-"""The layout of a recording in HDF5, and how descriptions become attributes.
+"""The layout of a recording in HDF5, and the conversion of descriptions to attributes.
 
 ```
 /                       format, status, unit_*, bench_*, provenance_*, simulation (JSON), extra (JSON), manifest, digest
-/steps/0001             name, kind, role, whole, t_start, t_end, rate_dps, …, manifest, digest; mounting where across
+/steps/0001             name, kind, role, whole, t_start, t_end, rate_dps, …, manifest, digest; mounting if across
 /steps/0001/time_s      float64 (n,), s       dimension scale: the digitizer's scans
 /steps/0001/gyro_v      float64 (n,), V       on time_s
 /steps/0001/poll_time_s float64 (m,), s       dimension scale: the polls
 /steps/0001/poll_gyro_v float64 (m,), V       on poll_time_s
-/steps/0001/frame_time_s float64 (k,), s      dimension scale: a digital gyro's frames, where the bench has one
+/steps/0001/frame_time_s float64 (k,), s      dimension scale: a digital gyro's frames, if the bench has one
 ```
 
-A group a step, named by the step's index; one dataset a channel, with the attributes `units` (CF), `long_name`,
-`digest` and, where there is more to say, `comment`. Attributes are scalars: UTF-8 text, float64, int64 (`whole` is 0 or
-1); what is not known is absent. No attribute, dataset or link needs this package or Python: it is a valid netCDF-4
-file, `xarray.open_dataset(file, engine="h5netcdf", group="steps/0001")` opens a step, and so does MATLAB's
+There is one group per step, named by the step's index, and one dataset per channel, with the attributes `units` (CF),
+`long_name`, `digest` and, if needed, `comment`. Attributes are scalars: UTF-8 text, float64, int64 (`whole` is 0 or 1);
+values that are not known are absent. No attribute, dataset or link needs this package or Python: the file is a valid
+netCDF-4 file, `xarray.open_dataset(file, engine="h5netcdf", group="steps/0001")` opens a step, and so does MATLAB's
 `h5read(file, "/steps/0001/gyro_v")`. HDF5 1.10 or newer reads it.
 
-A running campaign is a folder with one file a step in this same layout, each holding all root attributes and one group:
-`steps/0001_name.h5` once it is finished, `steps/0002_name.h5.part` while it is written. A `.part` is uncompressed,
-has no digests, says `whole = 0`, and opens with `swmr=True` (h5py) or `driver_kwds={"swmr": True}` (xarray), while it
-is written and after a crash.
+A running campaign is a folder with one file per step in this same layout, each with all root attributes and one group:
+`steps/0001_name.h5` once it is finished, `steps/0002_name.h5.part` while it is written. A `.part` is uncompressed, has
+no digests, has `whole = 0`, and opens with `swmr=True` (h5py) or `driver_kwds={"swmr": True}` (xarray), while it is
+written and after a crash.
 """
 
 from __future__ import annotations
@@ -47,15 +47,15 @@ RECORDING = "recording.h5"
 CAMPAIGN = "campaign.h5"
 JOURNAL = "journal.jsonl"
 LOCK = "running.lock"
-"""Held by the process that writes a campaign's folder; `running.json` beside it says which that is."""
+"""Held by the process that writes a campaign's folder; `running.json` in the same folder states which one."""
 STOP = "stop.json"
-"""A wish to stop the run that writes a campaign's folder, until it is heeded; `benchctl.campaign.stop`."""
+"""A request to stop the run that writes a campaign's folder, until it is obeyed; `benchctl.campaign.stop`."""
 UNREADABLE = "unreadable"
-"""Where a campaign keeps files of steps that a crash left unreadable."""
+"""Folder of a campaign for files of steps that a crash left unreadable."""
 FINISHED_SUFFIX = ".h5"
 PART_SUFFIX = ".h5.part"
 CHUNK = 16384
-"""Samples in a chunk of a finished dataset: 128 KiB, compressed one by one, so that reading a part is cheap."""
+"""Samples in a chunk of a finished dataset: 128 KiB, compressed separately, so that reading a part is cheap."""
 GROWING_CHUNK = 4096
 DEFLATE_LEVEL = 1
 
@@ -63,12 +63,12 @@ _CHANNEL_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def group_name(index: int) -> str:
-    """The path of a step's group."""
+    """Return the path of a step's group."""
     return f"{STEPS}/{index:04d}"
 
 
 def unit_of(channel: str, meta: Meta) -> str | None:
-    """The unit of a channel: `Meta.extra["channel_units"]` has the last word, then the model; None: not known."""
+    """Return the unit of a channel, from `Meta.extra["channel_units"]`, else from the model; None if not known."""
     unit: str | None = meta.extra.get("channel_units", {}).get(channel, UNITS.get(channel))
     return unit
 
@@ -85,7 +85,7 @@ def create_channels(group: h5py.Group, lengths: Mapping[str, int], meta: Meta) -
 
 
 def create_growing_channels(group: h5py.Group, names: Iterable[str], meta: Meta) -> dict[str, h5py.Dataset]:
-    """Create the datasets of a step being written: empty, uncompressed so that a chunk can grow in its place."""
+    """Create the datasets of a step being written: empty, uncompressed so that a chunk can grow in place."""
     storage = {"maxshape": (None,), "chunks": (GROWING_CHUNK,), "dtype": "<f8"}
     datasets = {name: group.create_dataset(name, (0,), **storage) for name in names}
     describe_channels(datasets, meta)
@@ -93,13 +93,13 @@ def create_growing_channels(group: h5py.Group, names: Iterable[str], meta: Meta)
 
 
 def channel_attributes(name: str, meta: Meta) -> dict[str, Plain]:
-    """What a channel's attributes say of it, digest aside: its unit where it is known, what it is, remarks."""
+    """Return a channel's attributes without the digest: its unit if known, its long name, comments."""
     unit, comment = unit_of(name, meta), meta.extra.get("channel_comments", {}).get(name)
     return _known({"units": unit, "long_name": DESCRIPTIONS.get(name, name), "comment": comment})
 
 
 def describe_channels(datasets: Mapping[str, h5py.Dataset], meta: Meta) -> None:
-    """Describe the channels of a step and their axes for any reader, as netCDF-4 does."""
+    """Write attributes of a step's channels and their axes for any reader, as netCDF-4 does."""
     for name, dataset in datasets.items():
         for key, value in channel_attributes(name, meta).items():
             write_attribute(dataset, key, value)
@@ -109,14 +109,14 @@ def describe_channels(datasets: Mapping[str, h5py.Dataset], meta: Meta) -> None:
 
 
 def attach_axes(datasets: Mapping[str, h5py.Dataset]) -> None:
-    """Tell each channel of a step which of the datasets is its time axis."""
+    """Attach each channel of a step to the dataset that is its time axis."""
     for name, dataset in datasets.items():
         if name != axis_of(name):
             dataset.dims[0].attach_scale(datasets[axis_of(name)])
 
 
 def check_channels(where: str, channels: Mapping[str, FloatArray]) -> None:
-    """Raise `UsageError` where channels cannot be one step: names, shapes, a missing time axis, unequal lengths."""
+    """Raise `UsageError` if channels do not form one step: names, shapes, a missing time axis, unequal lengths."""
     check_names(where, channels)
     for name, samples in channels.items():
         axis: Axis = axis_of(name)
@@ -132,7 +132,7 @@ def check_channels(where: str, channels: Mapping[str, FloatArray]) -> None:
 
 
 def check_names(where: str, channels: Mapping[str, object] | tuple[str, ...]) -> None:
-    """Raise `UsageError` where a name cannot name a channel or the time axis of a channel is missing."""
+    """Raise `UsageError` if a name is not valid for a channel, or the time axis of a channel is missing."""
     for name in channels:
         if not _CHANNEL_NAME.fullmatch(name):
             raise UsageError(
@@ -145,16 +145,16 @@ def check_names(where: str, channels: Mapping[str, object] | tuple[str, ...]) ->
 
 
 def info_attributes(info: StepInfo) -> dict[str, Plain]:
-    """What a step's attributes say of it: what is None is absent, the digest is the digests' business.
+    """Return a step's attributes without the digest; values that are None are absent.
 
-    A unit mounted along the table's axis, as nearly all are, needs no word either.
+    `mounting` is also absent if the unit is mounted along the table's axis, the usual case.
     """
-    told = {item.name: getattr(info, item.name) for item in fields(info) if item.name != "digest"}
-    return _known({**told, "mounting": info.mounting or None})
+    values = {item.name: getattr(info, item.name) for item in fields(info) if item.name != "digest"}
+    return _known({**values, "mounting": info.mounting or None})
 
 
 def meta_attributes(meta: Meta) -> dict[str, Plain]:
-    """What the root's attributes say: everything about a recording that is not a sample."""
+    """Return the root's attributes: everything about a recording that is not a sample."""
     return _known(
         {
             "format": FORMAT,
@@ -170,7 +170,7 @@ def meta_attributes(meta: Meta) -> dict[str, Plain]:
 
 
 def write_attributes(thing: h5py.Group, told: Mapping[str, Plain]) -> None:
-    """Write what `info_attributes` or `meta_attributes` tell; `UsageError` where HDF5 cannot keep something of it."""
+    """Write attributes from `info_attributes` or `meta_attributes`; `UsageError` if HDF5 cannot store one of them."""
     for name, value in told.items():
         try:
             write_attribute(thing, name, value)
@@ -183,30 +183,30 @@ def _known(told: Mapping[str, Any]) -> dict[str, Plain]:
 
 
 Plain = str | int | float
-"""An attribute as it is written and read."""
+"""The value of an attribute, as it is written and read."""
 
 _TEXT = h5py.string_dtype()
 _TEXT_TYPE = h5t.py_create(_TEXT, logical=True)
 _LONG = 4096
-"""Bytes of a text for which room is reserved; shorter ones are among HDF5's own records."""
+"""Bytes of a text above which room is reserved; shorter texts are covered by HDF5's own records."""
 _SCALAR = h5s.create(h5s.SCALAR)
 
 
 def plain(value: str | float) -> Plain:
-    """The value as it will be read once it is written: a truth is a whole number, 0 or 1."""
+    """Return the value as it will be read once it is written: a boolean becomes the integer 0 or 1."""
     if isinstance(value, str):
         return value
     return int(value) if isinstance(value, bool | int | np.integer) else float(value)
 
 
 def write_attribute(thing: h5py.Group | h5py.Dataset, name: str, value: str | float) -> None:
-    """Write a new attribute, as `plain` makes it: UTF-8 text, int64 or float64.
+    """Write a new attribute, as `plain` converts it: UTF-8 text, int64 or float64.
 
-    Raises `ValueError` or `OverflowError` where HDF5 cannot keep the value, and what `reserve` raises.
+    Raises `ValueError` or `OverflowError` if HDF5 cannot store the value, and what `reserve` raises.
     """
     kept = plain(value)
     if isinstance(kept, str):
-        size = len(kept.encode("utf-8"))  # h5py would write halves of characters as bytes that nobody can read
+        size = len(kept.encode("utf-8"))  # h5py would write lone surrogates as unreadable bytes
         if size > _LONG:
             reserve(thing.file, 2 * size)
         kind, stored = _TEXT_TYPE, np.array(kept, dtype=_TEXT)

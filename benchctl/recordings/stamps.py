@@ -1,10 +1,10 @@
-"""Time stamps of foreign rows: whether they are the uniform clock that they claim to be, and how they are repaired.
+"""Time stamps of foreign rows: check whether they are the uniform clock that they should be, and repair them.
 
-A logger that samples on a uniform clock still prints stamps that are rounded, writes a row twice, or loses one. Such
-stamps can be repaired: each row gets its place on the clock that all stamps together define, and places that no row has
-are gaps. Where a logger pauses and starts again between two places of its clock, a new stretch begins there with a
-phase of its own. A row is never moved against the other columns of the same row, so a delay between two columns
-survives. Stamps that really scatter are refused.
+A logger that samples on a uniform clock still prints rounded stamps, writes a row twice, or loses one. Such stamps can
+be repaired: each row gets its place on the clock that all stamps together define, and places without a row are gaps. If
+a logger pauses and starts again between two places of its clock, a new stretch begins there with a separate phase. A
+row is never moved relative to the other columns of the same row, so a delay between two columns is preserved. Stamps
+with real scatter are refused.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from benchctl.recordings.runs import TOLERANCE
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 LONGEST_FILL = 2
-"""Missing samples in a row that a fill may bridge; longer gaps split the recording."""
+"""Number of consecutive missing samples that a fill may bridge; longer gaps split the recording."""
 
 DOUBT = 0.35
-"""A stamp this far (in periods) from a whole number of periods after the one before has no certain place."""
+"""A stamp this far (in periods) from an integer number of periods after the previous one has no certain place."""
 
 _MOST_RESTARTS = 0.02
 """The share of the rows that may have no certain place; with more, the rows follow no clock."""
 
 _SURE_UP_TO = 100.0
-"""Periods; the place after a longer pause need not be certain, because the recording is split there anyway."""
+"""Periods; after a longer pause the place need not be certain, because the recording is split there anyway."""
 
 _MOST_PLACES = 2.0**52
-"""Periods from the first stamp to the last: as many as whole numbers are exact."""
+"""Maximum number of periods from the first stamp to the last: integers are exact up to here."""
 
 _DRIFT_BLOCK = 500
-"""Samples over which rounding is averaged out to see the clock wander."""
+"""Samples over which rounding is averaged, to show the drift of the clock."""
 
 
 class StampError(Exception):
@@ -47,7 +47,7 @@ class StampError(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gap:
-    """`missing` samples after the source's row `after_row` (from 0), stamped `stamp_s`."""
+    """`missing` samples after the source's row `after_row` (from 0), whose stamp is `stamp_s`."""
 
     after_row: int
     missing: int
@@ -58,9 +58,9 @@ class Gap:
 class Survey:
     """What was found in the stamps.
 
-    `repeated_rows` (from 0) hold the row before again, stamp and values. `scatter_rms_s` is what is left of stamps
-    minus the uniform clock after its slow wander, whose range is `drift_s`; rounding alone gives `rounding_rms_s`,
-    which is resolution/√12. `restarts` counts the gaps after which the clock begins anew between two of its places.
+    `repeated_rows` (from 0) repeat the row before, stamp and values. `scatter_rms_s` is the residual of the stamps from
+    the uniform clock without its slow drift, whose range is `drift_s`; rounding alone gives `rounding_rms_s`, which is
+    resolution/√12. `restarts` counts the gaps after which the clock restarts between two of its places.
     """
 
     rows: int
@@ -76,10 +76,10 @@ class Survey:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeBase:
-    """The samples on their clock: `time_s`, shape (n,), from 0, and the source's row of each, -1 where it is filled in.
+    """The samples on their clock: `time_s`, shape (n,), from 0, and the source's row of each, -1 if it is filled in.
 
-    `starts` are the samples at which a stretch without gaps begins; the first is 0. `rate_hz` is None where the stamps
-    are not uniform.
+    `starts` are the samples at which a stretch without gaps begins; the first is 0. `rate_hz` is None if the stamps are
+    not uniform.
     """
 
     time_s: FloatArray
@@ -90,11 +90,11 @@ class TimeBase:
 
     @property
     def filled(self) -> BoolArray:
-        """Which samples were never measured, shape (n,)."""
+        """Which samples were not measured, shape (n,)."""
         return np.asarray(self.rows < 0)
 
     def place(self, values: FloatArray) -> FloatArray:
-        """The source's column, shape (rows,), on this clock, shape (n,); holes are filled in linearly."""
+        """Return the source's column, shape (rows,), on this clock, shape (n,); holes are filled in linearly."""
         filled = self.filled
         placed = values[self.rows]
         if filled.any():
@@ -103,7 +103,7 @@ class TimeBase:
 
 
 def printed_resolution(stamps_s: FloatArray) -> float:
-    """The power of ten (s) to which stamps are printed, at least 1 µs; 0 where they have more digits than that."""
+    """Return the power of ten (s) to which stamps are printed, at least 1 µs; 0 if they have more digits."""
     size = float(np.max(np.abs(stamps_s), initial=1.0))
     for decimals in range(7):
         scaled = stamps_s * 10.0**decimals
@@ -113,20 +113,20 @@ def printed_resolution(stamps_s: FloatArray) -> float:
 
 
 def require_increase(stamps_s: FloatArray) -> None:
-    """Every stamp is later than the one before, and none beyond `LONGEST_TIME_S`; shape (n,), n ≥ 1.
+    """Check that every stamp is later than the one before, and none is beyond `LONGEST_TIME_S`; shape (n,), n ≥ 1.
 
     Raises
     ------
     StampError
-        At the first that is not.
+        At the first stamp that is not.
     """
     _refuse_far(stamps_s)
     late = np.flatnonzero(np.diff(stamps_s) <= 0)
     if late.size:
         row = int(late[0]) + 1
         now, before = stamps_s[row], stamps_s[row - 1]
-        said = "repeats that of the row before" if now == before else f"goes back from {before:.9g} s"
-        raise StampError(row, f"the stamp {now:.9g} s {said}: stamps must increase")
+        problem = "repeats that of the row before" if now == before else f"goes back from {before:.9g} s"
+        raise StampError(row, f"the stamp {now:.9g} s {problem}: stamps must increase")
 
 
 def _refuse_far(stamps_s: FloatArray) -> None:
@@ -137,7 +137,7 @@ def _refuse_far(stamps_s: FloatArray) -> None:
 
 
 def require_uniform(stamps_s: FloatArray, rate_hz: float, resolution_s: float) -> None:
-    """The stamps are those of a uniform clock, printed to `resolution_s`; shape (n,), n ≥ 1.
+    """Check that the stamps are those of a uniform clock, printed to `resolution_s`; shape (n,), n ≥ 1.
 
     Raises
     ------
@@ -170,29 +170,29 @@ def require_uniform(stamps_s: FloatArray, rate_hz: float, resolution_s: float) -
 
 
 def as_stamped(stamps_s: FloatArray, rate_hz: float | None) -> TimeBase:
-    """The rows at their own stamps, counted from the first."""
+    """Return the rows at their own stamps, counted from the first."""
     rows = np.arange(stamps_s.size, dtype=np.int64)
     return TimeBase(time_s=stamps_s - stamps_s[0], rows=rows, starts=(0,), rate_hz=rate_hz)
 
 
 def repair(stamps_s: FloatArray, repeats: BoolArray, *, fill: bool) -> TimeBase:
-    """Give each row its place on the uniform clock that all stamps together define.
+    """Return each row at its place on the uniform clock that all stamps together define.
 
     Parameters
     ----------
     stamps_s
         Shape (rows,), rows ≥ 3.
     repeats
-        Shape (rows,): the row holds the values of the row before again. It is dropped where its stamp is the same, too.
+        Shape (rows,): the row repeats the values of the row before. It is dropped if its stamp is the same, too.
     fill
         Fill gaps of up to `LONGEST_FILL` samples, marked as such; otherwise, and for longer ones, a new stretch begins.
 
-    A pause that is no whole number of periods also begins a new stretch, whose stamps give its phase.
+    A pause that is not an integer number of periods also begins a new stretch; its stamps give its phase.
 
     Raises
     ------
     StampError
-        Where a stamp goes back, is given to two different rows, or more than one row in fifty has no certain place.
+        A stamp goes back, two different rows have the same stamp, or more than one row in fifty has no certain place.
     """
     _refuse_far(stamps_s)
     same = np.r_[False, stamps_s[1:] == stamps_s[:-1]]
@@ -219,9 +219,9 @@ def repair(stamps_s: FloatArray, repeats: BoolArray, *, fill: bool) -> TimeBase:
 
 
 def _places(clock: FloatArray, kept: IntArray) -> tuple[IntArray, float, IntArray]:
-    """The place of each stamp on the clock, in periods from the first; the period; the rows at which it begins anew.
+    """Return the place of each stamp on the clock, in periods from the first; the period; the rows where it restarts.
 
-    The period is that of least squares over all stretches between restarts, each with a phase of its own.
+    The period is a least-squares fit over all stretches between restarts, each with a separate phase.
     """
     steps = np.diff(clock)
     period = float(np.median(steps))
@@ -264,7 +264,7 @@ def _survey(
     blocks = max(1, off.size // _DRIFT_BLOCK)
     wander = np.array([part.mean() for part in np.array_split(off, blocks)])
     centres = np.array([part.mean() for part in np.array_split(places.astype(np.float64), blocks)])
-    left = off - np.interp(places, centres, wander)
+    residual = off - np.interp(places, centres, wander)
     resolution = printed_resolution(stamps_s)
     jumps = np.flatnonzero(np.diff(places) > 1)
     return Survey(
@@ -277,7 +277,7 @@ def _survey(
             for k in jumps
         ),
         restarts=restarts,
-        scatter_rms_s=float(left.std()),
+        scatter_rms_s=float(residual.std()),
         rounding_rms_s=resolution / 12**0.5,
         drift_s=float(np.ptp(wander)),
     )

@@ -1,7 +1,7 @@
-"""What a recording's bench.toml states of its instruments: standard uncertainties, and certificates that had expired.
+"""The statements of a recording's bench.toml on its instruments: standard uncertainties, and expired certificates.
 
-The figures of a certificate are expanded; divided by its coverage factor they are standard uncertainties (k = 1), after
-JCGM 100:2008 (GUM), 4.3.3. What nobody states is assumed, and says so.
+The figures of a certificate are expanded uncertainties; divided by its coverage factor they are standard uncertainties
+(k = 1), after JCGM 100:2008 (GUM), 4.3.3. Values that are not stated are assumed, and marked as assumed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ASSUMED: Mapping[str, float] = {
     "air_c": 0.3,
     "latitude_deg": 0.1,
 }
-"""Standard uncertainties of what nobody states, by the fields of `StatedUncertainties`."""
+"""Assumed standard uncertainties of values that are not stated, by the fields of `StatedUncertainties`."""
 
 _LATITUDE_K = 2.0
 _LONGEST_WORD = 200
@@ -36,7 +36,7 @@ _LONGEST_WORD = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stated:
-    """A standard uncertainty (k = 1), and where it comes from, in words."""
+    """A standard uncertainty (k = 1), and its source in words."""
 
     standard: float
     says: str
@@ -44,7 +44,7 @@ class Stated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatedUncertainties:
-    """How well a bench is known, each figure in the unit of its name.
+    """The uncertainties of a bench, each in the unit of its name.
 
     `encoder_arcsec`: an angle of the table; `tilt_deg`: its axis from the vertical; `mounting_deg`: the unit's input
     axis from that axis; `gain_ppm`, `offset_v`, `clock_ppm`: the digitizer's volts and clock; `thermometer_c`: the
@@ -63,40 +63,40 @@ class StatedUncertainties:
 
 
 def stated(bench: Bench) -> StatedUncertainties:
-    """The standard uncertainties of a bench: by its certificates, else by its digitizer, else assumed."""
+    """Return the standard uncertainties of a bench: from its certificates, else from its digitizer, else assumed."""
     digitizer = bench.digitizer
     return _stated(bench, digitizer.encoder_accuracy_arcsec, digitizer.adc_step_v, "assumed")
 
 
 def stated_of(meta: Meta) -> StatedUncertainties:
-    """The same by the bench.toml that a recording keeps; where it keeps none that can be read, nothing is certified."""
+    """Return the same from the bench.toml that a recording stores; without certificates if it cannot be read."""
     facts = meta.bench
     bench, assumed = None, "assumed"
     if text := meta.provenance.get("bench_toml"):
         try:
             bench = bench_of_text(text, "the recording's bench.toml")
-        except UsageError:  # of another version; its samples are none the worse
+        except UsageError:  # of another version; its samples are still valid
             assumed = "assumed: the recording's bench.toml cannot be read"
     return _stated(bench, facts.encoder_accuracy_arcsec, facts.adc_step_v, assumed)
 
 
 def expired_of(meta: Meta) -> tuple[Expired, ...]:
-    """The instruments of a recording whose certificate had expired on the day, by UTC, on which it was started.
+    """Return the instruments of a recording whose certificate had expired on the day (UTC) on which it was started.
 
-    An instrument without a date is none of them, nor is any where the recording does not say when it was started.
+    An instrument without a date is not included; nothing is included if the recording does not state its start.
     """
     started = _day(meta.provenance.get("started_utc"))
     if started is None:
         return ()
     found = []
-    for role, told in _instruments(meta).items():
-        until = _day(told.get("calibrated_until"))
+    for role, entry in _instruments(meta).items():
+        until = _day(entry.get("calibrated_until"))
         if until is not None and until < started:
             found.append(
                 Expired(
                     role=role,
-                    model=cut(str(told.get("model") or told.get("driver") or ""), _LONGEST_WORD),
-                    serial=cut(str(told.get("bench_serial") or told.get("serial") or ""), _LONGEST_WORD),
+                    model=cut(str(entry.get("model") or entry.get("driver") or ""), _LONGEST_WORD),
+                    serial=cut(str(entry.get("bench_serial") or entry.get("serial") or ""), _LONGEST_WORD),
                     calibrated_until=until,
                     started=started,
                 )
@@ -126,14 +126,14 @@ def _stated(bench: Bench | None, accuracy_arcsec: float, step_v: float, assumed:
 
 
 def _by(certificate: Certificate | None, name: str) -> Stated | None:
-    """A figure by a certificate; None where there is none, or it does not state it."""
+    """Return a figure from a certificate; None if there is no certificate, or it does not state the figure."""
     if certificate is None or (figure := getattr(certificate, name)) is None:
         return None
     return Stated(standard=float(figure) / certificate.k, says=certificate.says)
 
 
 def _of_encoder(accuracy_arcsec: float) -> Stated:
-    """The half-width of a uniform distribution (GUM, 4.3.7)."""
+    """Return the standard uncertainty of a uniform distribution with this half-width (GUM, 4.3.7)."""
     if not accuracy_arcsec:
         return Stated(standard=0.0, says="not known, taken as none")
     return Stated(standard=accuracy_arcsec / math.sqrt(3.0), says=f"±{accuracy_arcsec:g}″ stated, uniform")
@@ -153,17 +153,17 @@ def _of_latitude(bench: Bench | None, assumed: str) -> Stated:
 
 
 def _instruments(meta: Meta) -> dict[str, dict[str, Any]]:
-    """What a recording tells of its instruments, by their role; nothing where that cannot be read."""
+    """Return what a recording states about its instruments, by their role; empty if it cannot be read."""
     try:
         found = json_document(meta.provenance.get("instruments") or "{}", "instruments")
     except UsageError:
         return {}
     entries = found.items() if isinstance(found, dict) else ()
-    return {cut(role, _LONGEST_WORD): told for role, told in entries if isinstance(told, dict)}
+    return {cut(role, _LONGEST_WORD): entry for role, entry in entries if isinstance(entry, dict)}
 
 
 def _day(text: object) -> date | None:
-    """The day of a date or a time in ISO 8601; None where it is none."""
+    """Return the day of a date or a time in ISO 8601; None if it is not valid."""
     try:
         return datetime.fromisoformat(str(text)).date()
     except ValueError:

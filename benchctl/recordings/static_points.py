@@ -1,8 +1,8 @@
-"""Tables of static points: one row a rate, the mean and the standard deviation of the gyro's output on it, no samples.
+"""Tables of static points: one row per rate, with mean and standard deviation of the gyro's output, without samples.
 
-In a recording they are one step of kind `static_points`, whose `time_s` is the number of the point in the order of the
-table (0, 1, …, unit 1), since nobody recorded when it was. Its channels are `point_rate_dps`, `point_mean_v`, and where
-they are known `point_std_v`, `point_run`, `point_temp_c`, `point_duration_s`.
+In a recording they are one step of kind `static_points`. Its `time_s` is the number of the point in the order of the
+table (0, 1, …, unit 1), because the times are not recorded. Its channels are `point_rate_dps`, `point_mean_v`, and, if
+they are known, `point_std_v`, `point_run`, `point_temp_c`, `point_duration_s`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ CHANNEL_UNITS = {
     "point_temp_c": "degC",
     "point_duration_s": "s",
 }
-"""Units of the step's channels; of a digital gyro mean and standard deviation are in degree s-1."""
+"""Units of the step's channels; mean and standard deviation of a digital gyro are in degree s-1."""
 
 _CHANNELS = {
     "rate_dps": "point_rate_dps",
@@ -54,15 +54,16 @@ _BY_NAME = {
     "temperature": ("temperature_c", "degC"),
     "duration": ("duration_s", "s"),
 }
-"""What a table may hold -> the name of its column, and its unit, where it needs no map."""
+"""Quantity in a table -> the name of its column and its unit, if the table needs no map."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticPoints:
     """Static points, each array of shape (n,), in the order of the table.
 
-    `rate_dps` is the commanded rate, `mean_v` and `std_v` mean and standard deviation of the output over `duration_s`;
-    `std_v` is that of the samples, not of the mean. `run` parts the runs of one table. None: not known.
+    `rate_dps` is the commanded rate, `mean_v` and `std_v` are mean and standard deviation of the output over
+    `duration_s`; `std_v` is that of the samples, not of the mean. `run` separates the runs of one table. None: not
+    known.
     """
 
     rate_dps: FloatArray
@@ -74,11 +75,11 @@ class StaticPoints:
 
     @classmethod
     def from_step(cls, step: Step) -> StaticPoints:
-        """The points of a step of kind `static_points`."""
+        """Return the points of a step of kind `static_points`."""
         return cls(**{field: step.channels[name] for field, name in _CHANNELS.items() if name in step.channels})
 
     def to_step(self, index: int = 1) -> Step:
-        """The points as a step."""
+        """Return the points as a step."""
         count = self.rate_dps.size
         channels = {name: values for field, name in _CHANNELS.items() if (values := getattr(self, field)) is not None}
         info = StepInfo(
@@ -94,7 +95,7 @@ class StaticPoints:
 
 
 def points_of(raw: RawColumns, entry: PointsEntry) -> StaticPoints:
-    """Static points from mapped columns.
+    """Return static points from mapped columns.
 
     Raises
     ------
@@ -127,7 +128,7 @@ def points_of(raw: RawColumns, entry: PointsEntry) -> StaticPoints:
 
 
 def build_points(raw: RawColumns, mapping: ColumnMap, map_name: str) -> tuple[Meta, list[Step]]:
-    """A recording of static points in memory; raises `UsageError` where points or unit cannot be used."""
+    """Return a recording of static points in memory; raises `UsageError` if points or unit cannot be used."""
     if mapping.points is None:
         raise UsageError(f"{map_name}: maps no points, expected [points.…]")
     step = points_of(raw, mapping.points).to_step()
@@ -148,7 +149,7 @@ def build_points(raw: RawColumns, mapping: ColumnMap, map_name: str) -> tuple[Me
 
 
 def map_by_header(path: Path) -> ColumnMap | None:
-    """The map that a table of static points needs none of: its header has `rate_dps` and `gyro_v_mean`; else None.
+    """Return the map for a table of static points with `rate_dps` and `gyro_v_mean` in its header; None for others.
 
     The unit's serial is the one value of a column `unit`, or the file's name; its rated range is not known (0).
     """
@@ -163,15 +164,15 @@ def map_by_header(path: Path) -> ColumnMap | None:
 
 
 def _one_value(text: bytes, names: Sequence[str], column: str) -> str | None:
-    """What a column says in every row; None where it is not there or says different things."""
+    """Return the value that a column has in every row; None if it does not exist or has different values."""
     if column not in names:
         return None
     k = names.index(column)
-    said: set[str] = set()
+    values: set[str] = set()
     for line in itertools.islice(io.BytesIO(text), 1, None):
         cells = line.decode("latin-1").split(",")
         if len(cells) > k:
-            said.add(cells[k].strip())
-        if len(said) > 1:
+            values.add(cells[k].strip())
+        if len(values) > 1:
             return None
-    return said.pop() if said else None
+    return values.pop() if values else None

@@ -1,4 +1,4 @@
-"""The list of steps that an open recording or a map file brings, and how samples are cut into steps by it."""
+"""The list of steps in an open recording or a map file, and cutting samples into these steps."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.interfaces import Position
 
 UNASSIGNED = "unassigned"
-"""The kind of steps that hold the rows which no step of the list claims; no fit uses them (role `none`)."""
+"""The kind of steps with the rows that belong to no step of the list; no fit uses them (role `none`)."""
 
 Kind = Literal["static", "constant_rate", "sine", "thermal_ramp", "motion"]
-"""Kinds of steps that may be brought; `motion` is any other movement, known by the encoder alone."""
+"""Kinds of steps that the list may contain; `motion` is any other movement, known from the encoder alone."""
 
 
 def _not_too_slow(rate_hz: float) -> float:
@@ -30,14 +30,14 @@ def _not_too_slow(rate_hz: float) -> float:
 
 
 Rate = Annotated[float, Field(gt=0, le=HIGHEST_RATE_HZ), AfterValidator(_not_too_slow)]
-"""A rate of samples (Hz) whose inverse is an ordinary number."""
+"""A sample rate (Hz) whose inverse is a normal number."""
 
 
 class StepEntry(BaseModel):
     """One entry of `steps`: from `t_start` until just before `t_end`, in s of the samples' clock.
 
-    Absent times mean the first and the last sample, an absent set point means that it is not known. Of a unit that is
-    mounted across the table's axis no fit uses a step, whatever its role.
+    Absent times are the first and the last sample, an absent set point is not known. If the unit is mounted across the
+    table's axis, no fit uses the step, whatever its role.
     """
 
     model_config = ConfigDict(strict=True, extra="allow", frozen=True, allow_inf_nan=False)
@@ -65,7 +65,7 @@ class StepEntry(BaseModel):
 
     @property
     def unknown_keys(self) -> dict[str, Any]:
-        """What the entry says beside these fields."""
+        """The keys of the entry that are not fields."""
         return dict(self.model_extra or {})
 
 
@@ -77,25 +77,25 @@ def cut_into_steps(
     where: Callable[[int], str],
     starts: Sequence[int] = (0,),
 ) -> list[Step]:
-    """Cut samples into steps, in order of time; rows that no entry claims become steps of kind `unassigned`.
+    """Cut samples into steps, in order of time; rows that belong to no entry become steps of kind `unassigned`.
 
     Parameters
     ----------
     entries
-        In any order; where there is none, all rows are unassigned.
+        In any order; if there is none, all rows are unassigned.
     channels
-        With `time_s`, each of shape (n,), n ≥ 1. Steps hold views of them.
+        Including `time_s`, each of shape (n,), n ≥ 1. Steps hold views of them.
     rate_hz
-        The uniform rate; None where the stamps are not uniform.
+        The uniform rate; None if the stamps are not uniform.
     where
         Number of an entry -> its place in words, for errors.
     starts
-        Samples at which stretches without gaps begin; a step that holds such a place is cut there.
+        Samples at which stretches without gaps begin; a step that contains such a sample is cut there.
 
     Raises
     ------
     UsageError
-        Two entries overlap, an entry reaches beyond the samples or holds none.
+        Two entries overlap, an entry reaches beyond the samples or contains none.
     """
     time = channels["time_s"]
     period = 1.0 / rate_hz if rate_hz else float(np.median(np.diff(time))) if time.size > 1 else 1.0
@@ -128,7 +128,7 @@ def cut_into_steps(
 
 
 def _end(entry: StepEntry, time: FloatArray, period: float) -> float:
-    """When an entry ends (s): as it says, or a period after the last sample."""
+    """Return when an entry ends (s): as it states, or one period after the last sample."""
     return float(time[-1] + period) if entry.t_end is None else entry.t_end
 
 
@@ -150,7 +150,7 @@ def _append(
     period: float,
     starts: Sequence[int],
 ) -> None:
-    """Append the samples `first:last`, cut at the `starts` among them; nothing where there are none."""
+    """Append the samples `first:last`, cut at the `starts` among them; nothing if there are no samples."""
     inner = [start for start in starts if first < start < last]
     edges = [first, *inner, last] if last > first else []
     time, across = channels["time_s"], entry.mounting == "across"

@@ -1,14 +1,14 @@
-"""Writes one step of a running campaign, so that others can read it meanwhile and a crash leaves it readable.
+"""Write one step of a running campaign, so that others can read it meanwhile and it remains readable after a crash.
 
-While it is written the step is a `.part` file under HDF5's SWMR (single writer, multiple readers), which admits
-neither new attributes nor, without losing space at every flush, compression. So finishing a step means to write it
-once more: compressed, sealed, with what became of it, under a temporary name that is renamed once it is on the disk.
-Only then does the `.part` go.
+While it is written the step is a `.part` file under HDF5's SWMR (single writer, multiple readers), which allows no new
+attributes, and compression only with a loss of space at every flush. Therefore a step is finished by writing it again:
+compressed, sealed, with its final description, under a temporary name that is renamed once it is on the disk. Only then
+is the `.part` removed.
 
-Appended samples wait as rows, a point a row, so that a point costs a call of `struct` and no array: one thread adds
-points and blocks, another takes them out. They go into the file a fifth of a second after the first of them came, by a
-timer: what came before a silence is as safe as the rest, and whoever appends need not look at the clock. A step that is
-over by then, as most are on a bench whose time jumps, is finished from memory.
+Appended samples wait as rows, one row per point, so that a point needs one call of `struct` and no array: one thread
+adds points and blocks, another takes them out. A timer writes them to the file a fifth of a second after the first of
+them arrived: samples before a silence are as safe as the others, and the caller need not check the clock. A step that
+is over before this, as most are on a bench whose time jumps, is finished from memory.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ from benchctl_instruments.errors import UsageError
 class Waiting:
     """Rows of these channels of a step, all on one axis; `where` names the step in errors.
 
-    `added` and `written` count all rows that ever came and went. One thread may add while another takes: a deque's two
-    ends are safe, and each counter has one thread that changes it.
+    `added` and `written` count all rows that were ever added and written. One thread may add while another takes: a
+    deque's two ends are safe, and each counter is changed by one thread.
     """
 
     def __init__(self, where: str, names: Sequence[str]) -> None:
@@ -61,7 +61,7 @@ class Waiting:
         self._taken: list[bytes | memoryview] = []
 
     def add_point(self, point: Mapping[str, float]) -> None:
-        """Add one sample of each channel; `UsageError` where one is missing, is no number or was not announced."""
+        """Add one sample of each channel; `UsageError` if one is missing, is not a number or was not announced."""
         try:
             row = self._pack(*[point[name] for name in self.names])
         except KeyError:
@@ -74,19 +74,19 @@ class Waiting:
         self.added += 1
 
     def add_block(self, channels: Mapping[str, FloatArray]) -> None:
-        """Add samples of each channel, copied from arrays of shape (n,), n equal; others may be among them."""
+        """Add samples of each channel, copied from arrays of shape (n,), n equal; other channels are ignored."""
         rows = np.stack([channels[name] for name in self.names], axis=1)
         self._rows.append(rows.data)
         self.added += len(rows)
 
     def take(self) -> FloatArray:
-        """The rows that wait, shape (n, channels); they are taken again until `let_go` says that they are written."""
+        """Return the waiting rows, shape (n, channels), and again at each call until `let_go` marks them as written."""
         for _ in range(len(self._rows)):
             self._taken.append(self._rows.popleft())
         return np.frombuffer(b"".join(self._taken), dtype="<f8").reshape(-1, len(self.names))
 
     def let_go(self, rows: int) -> None:
-        """What was taken last, so many rows, is written."""
+        """Mark the rows that were taken last, `rows` in number, as written."""
         self._taken.clear()
         self.written += rows
 
@@ -95,24 +95,24 @@ class Waiting:
 
 
 CLOSING_S_PER_SCAN = 1e-5
-"""Wall time that a scan may take while its step's file is rewritten: twenty times what was measured."""
+"""Wall time that a scan may take while its step's file is rewritten: twenty times the measured time."""
 
 _FLUSH_AFTER_S = 0.2
-"""Of the half second that may be lost; the rest is for the flush itself, on a busy machine."""
+"""Part of the half second that may be lost; the rest is for the flush itself, on a busy machine."""
 _MOST_WAITING = 1 << 17
-"""Rows that are held back at most, whatever the time: 1 MiB a channel."""
+"""Maximum number of rows that are held back, whatever the time: 1 MiB per channel."""
 
 
 def file_stem(info: StepInfo) -> str:
-    """The name of a step's file without its suffix: index and name, with what file systems dislike replaced."""
+    """Return the name of a step's file without suffix: index and name, without characters unfit for file names."""
     return f"{info.index:04d}_{re.sub(r'[^A-Za-z0-9.+-]+', '_', info.name)[:60]}"
 
 
 class StepWriter:
-    """One step while it is written; made by `CampaignWriter.begin_step`.
+    """One step while it is written; created by `CampaignWriter.begin_step`.
 
-    `info` is the description given at the start, `path` the `.part` file. What one thread appends is in that file, for
-    a reader and for a crash, within half a second of wall time. Raises `UsageError` where the disk refuses.
+    `info` is the description given at the start, `path` the `.part` file. Samples that one thread appends are in that
+    file, for a reader and after a crash, within half a second of wall time. Raises `UsageError` if the disk refuses.
     """
 
     def __init__(self, folder: Path, info: StepInfo, channels: Sequence[str], meta: Meta) -> None:
@@ -152,7 +152,7 @@ class StepWriter:
             self._see_to_flush(waiting)
 
     def append_point(self, point: Mapping[str, float]) -> None:
-        """Add one sample of every channel of a time axis, channel -> value: far cheaper than arrays of one sample.
+        """Add one sample of every channel of a time axis, channel -> value: much cheaper than arrays of one sample.
 
         Raises `UsageError` for channels that were not announced or do not fit together.
         """
@@ -164,7 +164,7 @@ class StepWriter:
         raise UsageError(f"{self._where}: expected a point with one of {list(self._waiting)}, got {sorted(point)}")
 
     def flush(self) -> None:
-        """Put what was appended into the file now."""
+        """Write the appended samples to the file now."""
         with self._writing, disk_errors(self.path):
             if not self._open:
                 raise UsageError(f"{self._where}: is over, nothing more can be written; begin a step for it")
@@ -175,7 +175,7 @@ class StepWriter:
             self._is_refused = False
 
     def _write(self, waiting: Waiting) -> None:
-        """Write what waits; where that fails halfway, the next attempt writes the same rows to the same place."""
+        """Write the waiting rows; if this fails halfway, the next attempt writes the same rows to the same place."""
         rows = waiting.take()
         reserve(self._file, rows.nbytes + len(waiting.names) * GROWING_CHUNK * rows.itemsize)
         begin, end = waiting.written, waiting.written + len(rows)
@@ -186,7 +186,7 @@ class StepWriter:
         waiting.let_go(len(rows))
 
     def _see_to_flush(self, waiting: Waiting) -> None:
-        """Have what waits written in time; at once where it is much, or where the disk has refused it."""
+        """Schedule the write of the waiting rows; write at once if there are many, or if the disk has refused them."""
         if self._is_refused or waiting.added - waiting.written >= _MOST_WAITING:
             self.flush()
         elif not self._is_timed:
@@ -195,7 +195,7 @@ class StepWriter:
             self._timer.start()
 
     def _flush_in_time(self) -> None:
-        self._is_timed = False  # before anything is taken: what comes from now on sets a timer of its own
+        self._is_timed = False  # before anything is taken: rows that come from now on set another timer
         try:
             self.flush()
         except Exception:
@@ -204,8 +204,8 @@ class StepWriter:
     def close(self, info: StepInfo) -> StepInfo:
         """Finish the step: `NNNN_name.h5.part` becomes `NNNN_name.h5`, sealed and on the disk.
 
-        `info` describes the step as it was in the end (`t_end`, `gaps`, …), with the index it began with; returns it
-        with `samples` and `digest` as written.
+        `info` is the final description of the step (`t_end`, `gaps`, …), with the index of its start; returns it with
+        `samples` and `digest` as written.
         """
         if not self._open or info.index != self.info.index:
             raise UsageError(f"step {info.index} cannot be finished: step {self.info.index} is the last that was begun")
@@ -215,19 +215,19 @@ class StepWriter:
                 with finished_file(temporary, self._meta) as file:
                     written = write_step(file, info, samples, self._meta)
                     seal_recording(file, meta_attributes(self._meta))
-                if samples is self._datasets:  # the `.part` file, which goes now, holds samples
+                if samples is self._datasets:  # the `.part` file, which is removed now, holds samples
                     require_intact(temporary)
         except BaseException:
-            self.flush()  # what could not be finished is to be found in the `.part` file
+            self.flush()  # the samples of an unfinished step remain in the `.part` file
             raise
         self.release()
         self.path.unlink()
         return written
 
     def _samples(self) -> Mapping[str, FloatArray | h5py.Dataset]:
-        """All samples of the step: those in memory where none is in the file yet, else those in the file.
+        """Return all samples of the step: those in memory if none is in the file yet, else those in the file.
 
-        What is in memory waits there on, for the timer: a closing that takes its time loses no more than anything else.
+        Samples in memory continue to wait for the timer: a slow close loses no more than anything else.
         """
         with self._writing:
             if not any(waiting.written for waiting in self._waiting.values()):
@@ -238,10 +238,10 @@ class StepWriter:
         return self._datasets
 
     def cut(self, info: StepInfo | None = None) -> StepInfo:
-        """Finish a step that did not come to its end: as `close`, with `whole=False`.
+        """Finish an incomplete step: as `close`, with `whole=False`.
 
-        Without `info`, the step ends where its samples do. An `info` with another index files it under that index and
-        its name, so that the step can be recorded again.
+        Without `info`, the step ends at its last sample. An `info` with another index stores the step under that index
+        and name, so that the step can be recorded again.
         """
         self.flush()
         cut = replace(info or replace(self.info, t_end=self._end_s), whole=False)
@@ -250,7 +250,7 @@ class StepWriter:
         return self.close(cut)
 
     def release(self) -> None:
-        """Close the `.part` file as it is, without finishing the step; safe to call twice."""
+        """Close the `.part` file unchanged, without finishing the step; safe to call twice."""
         if self._timer is not None:
             self._timer.cancel()
         with self._writing, disk_errors(self.path):
@@ -264,5 +264,5 @@ class StepWriter:
 
 
 def _on(axis: Axis, channels: Sequence[str]) -> list[str]:
-    """Those of the channels that lie on this axis, which is the first of them."""
+    """Return the channels that lie on this axis, beginning with the axis itself."""
     return [axis, *(name for name in channels if axis_of(name) == axis and name != axis)]

@@ -1,4 +1,4 @@
-"""A step whose samples are still in the file, read a stretch of its scans at a time: memory need not hold a step."""
+"""A step whose samples remain in the file and are read one stretch at a time, so that it need not fit into memory."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchctl.side_by_side import cores
 from benchctl_instruments.arrays import FloatArray
 
 SCANS_AT_ONCE = 1 << 18
-"""Scans that are worked on at once: 2 MiB a channel, whole chunks of a file of ours."""
+"""Scans that are processed at once: 2 MiB per channel, complete chunks of a benchctl file."""
 _SCANS = "time_s"
 
 
@@ -23,8 +23,8 @@ class StoredStep:
     """A step that is not in memory.
 
     `names` are all its channels; those on the axis `time_s` have `scans` samples, those on `poll_time_s` `polls`.
-    `fill` puts as many samples of a channel into an array as it holds, from a scan on. Read in order: who digests a
-    recording while it is read can then do so.
+    `fill` fills an array with samples of a channel, from a given scan on. Read in order, so that a recording can be
+    digested while it is read.
     """
 
     info: StepInfo
@@ -34,20 +34,20 @@ class StoredStep:
     polls: int = 0
 
     def read(self, name: str, start: int, stop: int) -> FloatArray:
-        """The samples `start:stop` of a channel."""
+        """Return the samples `start:stop` of a channel."""
         samples = np.empty(stop - start)
         self.fill(name, start, samples)
         return samples
 
     def part(self, start: int, stop: int, names: Collection[str] | None = None) -> Step:
-        """The scans `start:stop`, of these channels where given, as a step in memory."""
+        """Return the scans `start:stop`, of these channels if given, as a step in memory."""
         part = self._empty(start, stop, names)
         for name, samples in part.channels.items():
             self.fill(name, start, samples)
         return part
 
     def parts(self, names: Collection[str] | None = None) -> Iterator[Step]:
-        """The step in parts of about `SCANS_AT_ONCE` scans; the next one is read while one is worked on."""
+        """Yield the step in parts of about `SCANS_AT_ONCE` scans; the next part is read while one is processed."""
         edges = [*range(0, max(self.scans - SCANS_AT_ONCE // 4, 1), SCANS_AT_ONCE), self.scans]
         if len(edges) == 2:
             yield self.part(0, self.scans, names)
@@ -75,7 +75,7 @@ class StoredStep:
             yield coming()
 
     def cut(self, info: StepInfo, start: int, stop: int) -> StoredStep:
-        """The scans `start:stop` as a step of their own, under their own description."""
+        """Return the scans `start:stop` as a separate step with its own description."""
         return replace(
             self,
             info=info,
@@ -84,7 +84,7 @@ class StoredStep:
         )
 
     def of(self, info: StepInfo, shift_s: float = 0.0) -> StoredStep:
-        """The same samples under another description, its stamps moved."""
+        """Return the same samples with another description and shifted stamps."""
 
         def fill(name: str, start: int, samples: FloatArray) -> None:
             self.fill(name, start, samples)
@@ -94,13 +94,13 @@ class StoredStep:
         return replace(self, info=info, fill=fill)
 
     def _empty(self, start: int, stop: int, names: Collection[str] | None) -> Step:
-        """A part that is not filled yet; one block holds all channels, large enough for the system's large pages."""
+        """Return a part not filled yet; one block holds all channels, large enough for the system's large pages."""
         wanted = [name for name in self.names if axis_of(name) == _SCANS and (names is None or name in names)]
         return Step(self.info, dict(zip(wanted, np.empty((len(wanted), stop - start)), strict=True)))
 
 
 def stored_of(step: Step) -> StoredStep:
-    """A step that is in memory, as one that need not be."""
+    """Return a step that is in memory as a `StoredStep`."""
     scans, polls = (len(step.channels.get(axis, ())) for axis in (_SCANS, "poll_time_s"))
 
     def fill(name: str, start: int, samples: FloatArray) -> None:

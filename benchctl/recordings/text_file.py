@@ -1,7 +1,7 @@
 """Delimited text: the bytes of a file, its columns of numbers, and rows of CSV to be written.
 
-A file may be packed with gzip; one that is cut short, empty or too large is refused in one line. Reading is fast where
-all is well, and exact about line and column where it is not. Writing loses no digit.
+A file may be packed with gzip; a file that is truncated, empty or too large is refused in one line. Reading is fast for
+valid files, and names the exact line and column of an error. Writing loses no digit.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ from benchctl_instruments.errors import UsageError, reason
 _GZIP_MAGIC = b"\x1f\x8b"
 _BLOCK = 1 << 20
 _MEMORY_PER_BYTE = 5
-"""Text is held about twice, its numbers twice more, and at times an index of the numbers' places."""
+"""Text is held about twice, its numbers twice more, and sometimes an index of the places of the numbers."""
 
 
 def read_bytes(path: Path) -> bytes:
-    r"""The text of a file as bytes, lines ended by ``\n``, without a byte order mark.
+    r"""Return the text of a file as bytes, lines ended by ``\n``, without a byte order mark.
 
     Raises
     ------
     UsageError
-        Where it cannot be read, is empty, is more than this machine could hold, has a line that no table has, or its
-        gzip stream is cut short, damaged, or blows up to what no table becomes.
+        It cannot be read, is empty, is more than this machine can hold, has a line that is too long for a table, or its
+        gzip stream is truncated, damaged, or becomes larger than any table.
     """
     raw = _raw(path)
     text = _unpack(path, raw) if raw.startswith(_GZIP_MAGIC) or path.suffix == ".gz" else raw
@@ -62,7 +62,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_json_text(path: Path) -> bytes:
-    """The bytes of a description (JSON); raises `UsageError` where it cannot be read, is empty or far too large."""
+    """Return the bytes of a description (JSON); raises `UsageError` if it cannot be read, is empty or far too large."""
     raw = _raw(path, MOST_DESCRIPTION_BYTES)
     if not raw.strip():
         raise UsageError(f"{path}: the file is empty; expected a description in JSON")
@@ -70,7 +70,7 @@ def read_json_text(path: Path) -> bytes:
 
 
 def sources_json(paths: Iterable[Path]) -> str:
-    """Names, sizes and SHA-256 of the files that an import read, as JSON, for the provenance."""
+    """Return names, sizes and SHA-256 of the files that an import read, as JSON, for the provenance."""
     found = {}
     for path in paths:
         with open_file(path) as file:
@@ -80,7 +80,7 @@ def sources_json(paths: Iterable[Path]) -> str:
 
 
 def _raw(path: Path, most_bytes: int | None = None) -> bytes:
-    """The unchanged bytes, as many as the file's size states."""
+    """Return the unchanged bytes, as many as the file's size states."""
     require_file(path)
     try:
         size = stat_of(path).st_size
@@ -101,7 +101,7 @@ def _unpack(path: Path, packed: bytes) -> bytes:
     size = 0
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(packed)) as stream:
-            while part := stream.read1(_BLOCK):  # gives what there is before it complains
+            while part := stream.read1(_BLOCK):  # returns the available data before it raises
                 parts.append(part)
                 size += len(part)
                 require_memory(path, _MEMORY_PER_BYTE * size, "its unpacked text")
@@ -111,15 +111,15 @@ def _unpack(path: Path, packed: bytes) -> bytes:
                         "unpack it yourself where it is one all the same"
                     )
     except EOFError as err:
-        whole = sum(part.count(b"\n") for part in parts)
-        raise UsageError(f"{path}: the gzip stream is cut short after line {whole}; copy the file again") from err
+        lines = sum(part.count(b"\n") for part in parts)
+        raise UsageError(f"{path}: the gzip stream is cut short after line {lines}; copy the file again") from err
     except (gzip.BadGzipFile, zlib.error) as err:
         raise UsageError(f"{path}: not a sound gzip file ({err}); copy the file again") from err
     return b"".join(parts)
 
 
 def _refuse_long_lines(path: Path, text: bytes) -> None:
-    """Raise `UsageError` where a line, its end included, is longer than `MOST_LINE_BYTES`; names the line."""
+    """Raise `UsageError` with the line number if a line, including its end, is longer than `MOST_LINE_BYTES`."""
     start = 0
     while start < len(text):
         end = text.rfind(b"\n", start, start + MOST_LINE_BYTES)
@@ -136,9 +136,9 @@ _COMMA, _NEWLINE, _DOT, _MINUS, _ZERO = b",\n.-0"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Where the numbers are: `header_line` (from 1; 0: no header) holds the names, samples begin at `first_line`.
+    """Where the numbers are: `header_line` (from 1; 0: no header) has the names, samples begin at `first_line`.
 
-    A blank as delimiter is any run of blanks and tabs, and those before the first cell do not count.
+    A blank as delimiter is any run of blanks and tabs; those before the first cell are ignored.
     """
 
     delimiter: str = ","
@@ -148,17 +148,17 @@ class Layout:
 
     @property
     def separator(self) -> str | None:
-        """What `str.split` takes; None splits at blanks."""
+        """The argument of `str.split`; None splits at blanks."""
         return None if self.delimiter == " " else self.delimiter
 
 
 def header_names(path: Path, text: bytes, layout: Layout) -> tuple[str, ...]:
-    """The names in the header, stripped; empty where there is no header.
+    """Return the names in the header, stripped; empty if there is no header.
 
     Raises
     ------
     UsageError
-        Where the file ends before it, or a name occurs twice.
+        The file ends before the header, or a name occurs twice.
     """
     if layout.header_line == 0:
         return ()
@@ -182,7 +182,7 @@ def header_names(path: Path, text: bytes, layout: Layout) -> tuple[str, ...]:
 def read_columns(
     path: Path, text: bytes, layout: Layout, columns: Mapping[str, int], *, width: int | None = None
 ) -> dict[str, FloatArray]:
-    """The numbers of some columns, each of shape (rows,).
+    """Return the numbers of some columns, each of shape (rows,).
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def read_columns(
     columns
         Name -> number of the column, from 0.
     width
-        The cells that every row must have; None: at least as many as the columns need.
+        The number of cells that every row must have; None: at least as many as the columns need.
 
     Raises
     ------
@@ -209,11 +209,11 @@ def read_columns(
             usecols=None if width is not None else use,
         )
         complaint: Exception | None = None
-    except (ValueError, TypeError) as err:  # TypeError: a delimiter that no text can have
+    except (ValueError, TypeError) as err:  # TypeError: a delimiter that no text can contain
         complaint = err
     else:
-        whole = table.shape[0] == body.count(b"\n") and (width is None or table.shape[1] == width)
-        if whole and np.isfinite(table).all():
+        complete = table.shape[0] == body.count(b"\n") and (width is None or table.shape[1] == width)
+        if complete and np.isfinite(table).all():
             chosen = table[:, use] if width is not None else table
             packed = np.ascontiguousarray(chosen.T)
             return {name: packed[k] for k, name in enumerate(columns)}
@@ -221,9 +221,9 @@ def read_columns(
 
 
 def body_of(path: Path, text: bytes, layout: Layout) -> bytes:
-    """The rows of samples with a decimal point, without the lines before them and blank lines at the end.
+    """Return the rows of samples with a decimal point, without the lines before them and blank lines at the end.
 
-    Raises `UsageError` where there is none.
+    Raises `UsageError` if there are none.
     """
     start = 0
     for _ in range(layout.first_line - 1):
@@ -237,7 +237,7 @@ def body_of(path: Path, text: bytes, layout: Layout) -> bytes:
 
 
 def _fault(path: Path, body: bytes, layout: Layout, columns: Mapping[str, int], width: int | None) -> UsageError | None:
-    """The first fault, in words; None where a second look finds none."""
+    """Return the first error; None if a second reading finds none."""
     needed = max(columns.values()) + 1
     for number, line in enumerate(io.BytesIO(body), layout.first_line):
         cells = line.decode("latin-1").removesuffix("\n").split(layout.separator)
@@ -248,8 +248,8 @@ def _fault(path: Path, body: bytes, layout: Layout, columns: Mapping[str, int], 
             count = "1 cell" if len(cells) == 1 else f"{len(cells)} cells"
             return UsageError(f"{path}, line {number}: expected {expected} cells, got {count}{short}")
         for name, k in columns.items():
-            if (says := _not_a_number(cells[k])) is not None:
-                return UsageError(f"{path}, line {number}, column {name}: {says}")
+            if (problem := _not_a_number(cells[k])) is not None:
+                return UsageError(f"{path}, line {number}, column {name}: {problem}")
     return None
 
 
@@ -257,17 +257,17 @@ def _not_a_number(cell: str) -> str | None:
     if not cell.strip():
         return "expected a number, the cell is empty"
     try:
-        value = float(cell.replace("_", "?"))  # Python's 1_000 is no number elsewhere
+        value = float(cell.replace("_", "?"))  # Python accepts 1_000, which is not a number elsewhere
     except ValueError:
         return f"expected a number, got {cell.strip()[:40]!r}"
     return None if math.isfinite(value) else f"expected a finite number, got {cell.strip()[:40]}; leave such rows out"
 
 
 def printed_decimals(body: bytes, columns: Sequence[str]) -> dict[str, int]:
-    """How many decimals each column is printed with, where printing it so again gives the very text of every row.
+    """Return the printed decimals of each column for which printing gives the exact text of every row again.
 
-    `body` has been read as numbers already. Columns are left out whose cells differ in decimals, have exponents, plus
-    signs, blanks, leading zeros, or more than 15 digits (the nearest float64 may then print as another text).
+    `body` has already been read as numbers. Columns are left out if their cells differ in decimals, or have exponents,
+    plus signs, blanks, leading zeros, or more than 15 digits (the nearest float64 may then print as another text).
     """
     text = np.frombuffer(body, dtype=np.uint8)
     ends = np.flatnonzero((text == _COMMA) | (text == _NEWLINE))
@@ -290,7 +290,7 @@ def printed_decimals(body: bytes, columns: Sequence[str]) -> dict[str, int]:
 
 
 def _decimals(text: npt.NDArray[np.uint8], starts: IntArray, ends: IntArray, dots: IntArray) -> int | None:
-    """The decimals of one column, whose cells are `text[starts:ends]`; None where one cell breaks the pattern."""
+    """Return the decimals of one column, whose cells are `text[starts:ends]`; None if one cell breaks the pattern."""
     first = starts + (text[starts] == _MINUS)
     if dots.size == 0:
         point, decimals = ends, 0
@@ -312,10 +312,10 @@ _ROWS = 1 << 13
 def csv_rows(
     columns: Sequence[FloatArray], names: Sequence[str], decimals: Mapping[str, int] | None = None
 ) -> Iterator[bytes]:
-    """Lines of CSV without a header, many at a time.
+    """Yield lines of CSV without a header, many at a time.
 
-    `columns`: arrays of shape (n,), n equal. `decimals`: column -> digits after the point; a column that is not named
-    is printed with as many digits as give back the same float64 when they are read (Python's `repr`).
+    `columns`: arrays of shape (n,), n equal. `decimals`: column -> digits after the point; a column that is not listed
+    is printed with enough digits to give the same float64 when they are read (Python's `repr`).
     """
     formats = [f"%.{decimals[name]}f" if decimals and name in decimals else "%r" for name in names]
     line = ",".join(formats) + "\n"

@@ -1,7 +1,7 @@
-"""The units that a foreign file may be in, and how each becomes the unit of our channel.
+"""The units that a foreign file may use, and their conversion to the unit of the benchctl channel.
 
-A map file says the unit in the words of this table; a value becomes `factor · value / divisor + offset` in the
-unit of the channel. Quantities that have no channel of ours keep their unit, spelled as CF spells it.
+A map file names the unit as in these tables; a value becomes `factor · value / divisor + offset` in the unit of the
+channel. Quantities without a benchctl channel keep their unit, in CF spelling.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 from benchctl_instruments.arrays import FloatArray
 
 COUNTS = "counts"
-"""An angle in counts of the encoder: its factor needs the counts of a revolution."""
+"""An angle in counts of the encoder: its factor needs the counts per revolution."""
 
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """How a unit becomes the unit `cf` (CF spelling): value → factor · value / divisor + offset.
+    """The conversion of a unit to the unit `cf` (CF spelling): value → factor · value / divisor + offset.
 
-    The divisor keeps 26 ms the very 0.026 s that a reader would write.
+    The divisor ensures that 26 ms becomes exactly the float64 0.026 s.
     """
 
     cf: str
@@ -31,7 +31,7 @@ class Conversion:
     divisor: float = 1.0
 
     def apply(self, values: FloatArray) -> FloatArray:
-        """The values, shape (n,), in the unit `cf`."""
+        """Return the values, shape (n,), in the unit `cf`."""
         return np.asarray(values * self.factor / self.divisor + self.offset, dtype=np.float64)
 
 
@@ -65,7 +65,7 @@ VOLTAGE: Mapping[str, Conversion] = {
 }
 
 GYRO_OUTPUT: Mapping[str, Conversion] = {**VOLTAGE, **RATE}
-"""What a gyro gives out: volts, or, a digital one, its own idea of the rate."""
+"""The output of a gyro: volts, or a rate if the gyro is digital."""
 
 TEMPERATURE: Mapping[str, Conversion] = {
     "degC": Conversion("degC"),
@@ -103,10 +103,10 @@ OTHER: Mapping[str, Conversion] = {
         "degF": "degF",
     }.items()
 }
-"""Units of channels that we have no name for: kept as they are."""
+"""Units of channels without a benchctl name: kept unchanged."""
 
 
 def unit_of_column(name: str) -> str:
-    """The CF unit that the name of a column promises (`supply_v`: V); `1` where it promises none."""
+    """Return the CF unit that the name of a column implies (`supply_v`: V); `1` if it implies none."""
     endings = {"v": "V", "a": "A", "c": "degC", "deg": "degree", "dps": "degree s-1", "s": "s", "hz": "Hz"}
     return endings.get(name.rpartition("_")[2], "1")

@@ -1,6 +1,6 @@
-"""Check a recording against its digests, and a campaign against its manifest: what changed, by name.
+"""Check a recording against its digests, and a campaign against its manifest; report what changed, by name.
 
-`summarise` lists what is in a recording, as `benchctl show` prints it.
+`summarise` lists the content of a recording, as `benchctl show` prints it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.recordings.campaign_manifest import MANIFEST, problems_of_folder
-from benchctl.recordings.digests import Known, Problem, ReadDigests, problems_of_recording
+from benchctl.recordings.digests import Known, Mismatch, ReadDigests, problems_of_recording
 from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.model import StepInfo, axis_of
 from benchctl.recordings.reader import Recording, campaign_files, open_recording
@@ -19,21 +19,21 @@ from benchctl.recordings.schema import CAMPAIGN, PART_SUFFIX, RECORDING, unit_of
 from benchctl_instruments.errors import UsageError
 
 
-def verify(path: Path) -> list[Problem]:
-    """Check every digest of a recording, a file of ours or a campaign's folder; an empty list: nothing changed.
+def verify(path: Path) -> list[Mismatch]:
+    """Check every digest of a benchctl file or a campaign's folder; an empty list means that nothing changed.
 
     A changed, added or deleted sample, attribute, channel, group or step is named, and in a finished campaign every
-    such file, its manifest included. In a campaign that is not finished, which has no manifest yet, every step's file
-    is checked for itself, and the step being written, which has no digests yet, is a problem.
+    such file, including its manifest. In an unfinished campaign, which has no manifest yet, every step's file is
+    checked separately, and the step being written, which has no digests yet, is a problem.
 
-    Raises `UsageError` where the recording cannot be opened at all and there is no manifest to say what happened to it,
-    or is an open recording, which has no digests.
+    Raises `UsageError` if the recording cannot be opened at all and there is no manifest to explain the reason, or if
+    it is an open recording, which has no digests.
     """
     if not (path / MANIFEST).exists():
         problems = _problems_of_recording(path)
         if path.is_dir() and (path / RECORDING).exists():
-            says = f"is not there, the campaign's other files cannot be checked; verify {RECORDING} by itself"
-            problems.append(Problem(MANIFEST, says))
+            text = f"is not there, the campaign's other files cannot be checked; verify {RECORDING} by itself"
+            problems.append(Mismatch(MANIFEST, text))
         return problems
     problems = list(problems_of_folder(path))
     if not (path / RECORDING).exists() and not (path / CAMPAIGN).exists():
@@ -41,15 +41,15 @@ def verify(path: Path) -> list[Problem]:
     try:
         return [*_problems_of_recording(path), *problems]
     except UsageError as err:
-        return [Problem("recording", str(err)), *problems]
+        return [Mismatch("recording", str(err)), *problems]
 
 
 @contextmanager
 def opened_unchanged(paths: Sequence[Path], therefore: str) -> Iterator[list[Recording]]:
-    """Recordings open for reading, and at the end what `refuse_changed` raises of them.
+    """Yield recordings open for reading, and raise at the end what `refuse_changed` raises about them.
 
-    What was read meanwhile is not read again for its digest. So nothing may be made of them for good inside the `with`.
-    A changed manifest is reported before anything else that is wrong with it.
+    Samples that were read meanwhile are not read again for their digest. Therefore no final result may be written
+    inside the `with`. A changed manifest is reported before any other problem.
     """
     digests = [ReadDigests() for _ in paths]
     try:
@@ -64,10 +64,10 @@ def opened_unchanged(paths: Sequence[Path], therefore: str) -> Iterator[list[Rec
 
 
 def refuse_changed(path: Path, therefore: str, read: ReadDigests | None = None) -> None:
-    """Raise `UsageError` where a recording no longer has its digest; `therefore` is what is not done with it then.
+    """Raise `UsageError` if a recording no longer has its digest; `therefore` is the action that is then refused.
 
-    A foreign recording, and a campaign that is not finished, has none and passes. Samples that `read` knows are not
-    read again.
+    A foreign recording, and an unfinished campaign, has no digest and passes. Samples that `read` contains are not read
+    again.
     """
     if path.is_dir() and not (path / RECORDING).exists():
         return
@@ -82,13 +82,13 @@ def refuse_changed(path: Path, therefore: str, read: ReadDigests | None = None) 
 
 
 def _known_by(read: ReadDigests | None) -> Known:
-    """What was read, by the names of groups: a step's is its index."""
+    """Return the digests of `read` by the names of groups; the name of a step's group is its index."""
     if read is None:
         return lambda step, channel: None
     return lambda step, channel: read.of(int(step), channel) if step.isdecimal() and step.isascii() else None
 
 
-def _problems_of_recording(path: Path) -> list[Problem]:
+def _problems_of_recording(path: Path) -> list[Mismatch]:
     if not path.is_dir():
         return _problems_of_file(path)
     if (path / RECORDING).exists():
@@ -100,23 +100,23 @@ def _problems_of_recording(path: Path) -> list[Problem]:
     problems = _problems_of_file(path / CAMPAIGN)
     for file in campaign_files(path):
         if file.name.endswith(PART_SUFFIX):
-            problems.append(Problem(file.name, "was not finished: it is being written, or its program died"))
+            problems.append(Mismatch(file.name, "was not finished: it is being written, or its program died"))
         else:
-            problems += [Problem(f"{file.name}, {problem.where}", problem.says) for problem in _problems_of_file(file)]
+            problems += [Mismatch(f"{file.name}, {problem.where}", problem.says) for problem in _problems_of_file(file)]
     return problems
 
 
-def _problems_of_file(path: Path) -> list[Problem]:
+def _problems_of_file(path: Path) -> list[Mismatch]:
     with open_ours(path) as file:
         return list(problems_of_recording(file))
 
 
 def summarise(recording: Recording) -> dict[str, Any]:
-    """The keys that `benchctl show --json` promises; reads all samples to check the digests.
+    """Return the keys of `benchctl show --json`; reads all samples to check the digests.
 
     `status`; `steps` with `name`, `kind`, `role`, `whole`, `samples`, `t_start`, `t_end`, of a digital gyro also
     `frames_lost` and `frames_bad`, of a unit mounted across also `mounting`; `channels` with `name`, `unit` and
-    `rate_hz` (None for what is polled); `provenance`; `digest_ok` (None where a recording has no digests yet);
+    `rate_hz` (None for polled channels); `provenance`; `digest_ok` (None if a recording has no digests yet);
     `problems`, in words.
     """
     problems = [str(problem) for problem in verify(recording.path)] if recording.digest else []
@@ -138,7 +138,7 @@ def _step(info: StepInfo) -> dict[str, Any]:
 
 
 def _channels(recording: Recording) -> list[dict[str, Any]]:
-    """Every channel that any step has, in the order of their first appearance."""
+    """Return every channel of any step, in the order of first appearance."""
     names = dict.fromkeys(name for info in recording.infos for name in recording.channels(info.index))
     rates_hz = {
         "time_s": _common(info.sample_rate_hz for info in recording.infos if info.samples),
@@ -155,6 +155,6 @@ def _channels(recording: Recording) -> list[dict[str, Any]]:
 
 
 def _common(rates: Iterable[float | None]) -> float | None:
-    """The rate of all steps, or None where they differ or do not say."""
+    """Return the rate of all steps, or None if they differ or do not state it."""
     found = set(rates)
     return found.pop() if len(found) == 1 else None

@@ -1,13 +1,13 @@
-"""Write a finished recording in one go: an import, a simulation, an export.
+"""Write a finished recording at once: an import, a simulation, an export.
 
-Samples are packed as HDF5's own filters would (shuffle, deflate), on all cores, and digested on the way. HDF5
-compresses one chunk after the other in one thread; chunks that are shuffled and deflated here and handed over as they
-are make the same kind of file, which any HDF5 reads.
+Samples are packed as HDF5's own filters do (shuffle, deflate), on all cores, and digested meanwhile. HDF5 compresses
+one chunk after the other in one thread; chunks that are shuffled and deflated here and written unchanged make the same
+kind of file, which any HDF5 reads.
 
-Deflate leaves open how to search for what repeats. Byte planes of noise repeat in runs or not at all: there zlib's
-Z_RLE is twice as fast and packs better. Those of a steady count repeat at a distance, which only the full search finds.
-The latter is tried on the first chunk of each block, and, where it does not find much, the former, too; what packs it
-better is used for the rest of it.
+Deflate does not prescribe the search for repetitions. Byte planes of noise repeat in runs or not at all: for these,
+zlib's Z_RLE is twice as fast and packs better. Byte planes of a steady count repeat at a distance, which only the full
+search finds. The full search is tried on the first chunk of each block, and Z_RLE, too, if the full search does not
+find much; the better one is used for the rest of the block.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 _BLOCK = 32 * CHUNK
-"""Samples of one task, 4 MiB; as many tasks as cores are in memory at once, and a few more."""
+"""Samples of one task, 4 MiB; as many tasks as cores, and a few more, are in memory at once."""
 _SHORT = 4 * CHUNK
 _RUNS, _ALL = zlib.Z_RLE, zlib.Z_DEFAULT_STRATEGY
 _REPEATS = 12
-"""The full search that packs so many times has found what repeats at a distance; runs alone would take more of both."""
+"""A full search that packs by this factor has found repetitions at a distance; Z_RLE would take more time and space."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """Samples that go into a dataset from `start` on, in chunks of so many."""
+    """Samples that go into a dataset from `start` on, in chunks of `chunk` samples."""
 
     dataset: h5py.Dataset
     start: int
@@ -64,12 +64,12 @@ class _Piece:
 def write_samples(
     datasets: Mapping[str, h5py.Dataset], channels: Mapping[str, FloatArray | h5py.Dataset]
 ) -> dict[str, str]:
-    """Fill datasets as `create_channels` makes them, from arrays or from datasets of another file, block by block.
+    """Fill datasets that `create_channels` made, from arrays or from datasets of another file, block by block.
 
-    Returns the digest of each channel's samples. Raises `OSError` where the disk refuses.
+    Returns the digest of each channel's samples. Raises `OSError` if the disk refuses.
     """
     digests = {name: SampleDigest(len(dataset)) for name, dataset in datasets.items()}
-    is_short = all(len(dataset) <= _SHORT for dataset in datasets.values())  # to start a thread would take as long
+    is_short = all(len(dataset) <= _SHORT for dataset in datasets.values())  # starting a thread would take as long
     for piece, chunks in in_order(_packed, _pieces(datasets, channels, digests), 1 if is_short else cores()):
         for number, chunk in enumerate(chunks):
             piece.dataset.id.write_direct_chunk((piece.start + number * piece.chunk,), chunk)
@@ -81,7 +81,7 @@ def _pieces(
     channels: Mapping[str, FloatArray | h5py.Dataset],
     digests: Mapping[str, SampleDigest],
 ) -> Iterator[_Piece]:
-    """All samples in order, digested as they pass."""
+    """Yield all samples in order, and digest them."""
     for name, dataset in datasets.items():
         for part in blocks(len(dataset), _BLOCK):
             samples = np.ascontiguousarray(channels[name][part], dtype="<f8")
@@ -94,7 +94,7 @@ def _packed(piece: _Piece) -> tuple[_Piece, list[bytes]]:
 
 
 def packed(samples: FloatArray, chunk: int) -> list[bytes]:
-    """The chunks of samples, shape (n,), shuffled and deflated; the last one filled up with zeros."""
+    """Return the chunks of samples, shape (n,), shuffled and deflated; the last one is padded with zeros."""
     planes = _shuffled(samples, chunk)
     first = next(planes)
     best, there = _ALL, _deflated(first, _ALL)
@@ -104,7 +104,7 @@ def packed(samples: FloatArray, chunk: int) -> list[bytes]:
 
 
 def _shuffled(samples: FloatArray, chunk: int) -> Iterator[npt.NDArray[np.uint8]]:
-    """Each chunk's first bytes, then its second ones, …: shape (8, chunk)."""
+    """Yield the bytes of each chunk, the first bytes of all samples, then the second ones, …: shape (8, chunk)."""
     for start in range(0, len(samples), chunk):
         piece = samples[start : start + chunk]
         planes = np.zeros((8, chunk), dtype=np.uint8)
@@ -118,15 +118,15 @@ def _deflated(planes: npt.NDArray[np.uint8], strategy: int) -> bytes:
 
 
 def write_recording(path: Path, meta: Meta, steps: Iterable[Step]) -> None:
-    """Write a finished recording as one file; steps are taken one at a time and may be made meanwhile.
+    """Write a finished recording as one file; steps are taken one at a time and may be created meanwhile.
 
     Parameters
     ----------
     path
-        The file to be; replaced where it exists. While it is written it has another name, so that no half of it is
+        The file to write; replaced if it exists. While it is written it has another name, so that no partial file is
         ever found.
     meta
-        Everything that is not a sample. `extra["channel_units"]` names the units of channels that the model does not
+        Everything that is not a sample. `extra["channel_units"]` contains the units of channels that the model does not
         know.
     steps
         Each with float64 channels of shape (n,) and their time axis. `info.samples` and `info.digest` are filled in
@@ -135,7 +135,7 @@ def write_recording(path: Path, meta: Meta, steps: Iterable[Step]) -> None:
     Raises
     ------
     UsageError
-        Two steps with one index, channels that do not fit together, a disk that refuses. Nothing is left behind.
+        Two steps with one index, channels that do not fit together, a disk that refuses. No partial file remains.
     """
     with whole_file(path) as temporary, finished_file(temporary, meta) as file:
         for step in steps:
@@ -148,14 +148,14 @@ def write_recording(path: Path, meta: Meta, steps: Iterable[Step]) -> None:
 
 
 def require_intact(path: Path) -> None:
-    """Read a sealed file back; raises `UsageError` where one of its digests does not hold."""
+    """Read a sealed file back; raises `UsageError` if one of its digests does not agree."""
     with h5py.File(path, "r") as written:
         for problem in problems_of_recording(written):
             raise UsageError(f"{path}: was not written as it should be: {problem}; check the disk")
 
 
 def new_file(path: Path, meta: Meta, *, growing: bool = False) -> h5py.File:
-    """A file with the root's attributes and no steps yet, open for writing; `growing` as `create_hdf5` has it."""
+    """Create a file with the root's attributes and no steps yet, open for writing; `growing` as in `create_hdf5`."""
     file = create_hdf5(path, growing=growing)
     try:
         write_attributes(file, meta_attributes(meta))
@@ -168,7 +168,7 @@ def new_file(path: Path, meta: Meta, *, growing: bool = False) -> h5py.File:
 
 @contextmanager
 def finished_file(path: Path, meta: Meta) -> Iterator[h5py.File]:
-    """As `new_file`, for a file that is finished in the block and takes no more of the disk than it needs."""
+    """Create a file as `new_file` does, finish it in the block, and release the reserved space not needed."""
     with new_file(path, meta) as file:
         yield file
     give_back(path)

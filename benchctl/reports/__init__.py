@@ -1,1 +1,1 @@
-"""What people read: figures, pages, and the results that they are made of."""
+"""Figures, HTML pages and text output of the results."""

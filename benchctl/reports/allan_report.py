@@ -1,4 +1,4 @@
-"""The report on an Allan analysis: its picture, its table, its terms; and the same for programs and for a terminal."""
+"""The report on an Allan analysis: figure, table of deviations and noise terms, as HTML, JSON values and plain text."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ REPORT, TABLE = "allan.html", "allan.csv"
 _COLOURS = dict(zip(TERMS, ("#D55E00", "#0072B2", "#009E73", "#E69F00", "#CC79A7"), strict=True))
 _DASHES = dict(zip(TERMS, ("--", "-.", ":", (0, (5, 1)), (0, (1, 1))), strict=True))
 _COLUMNS = {"tau_s": 4, "deviation": 5, "ci95_low": 4, "ci95_high": 4, "degrees_of_freedom": 3}
-"""The table's columns, and to how many digits the page shows them."""
+"""Columns of the table, with the number of significant digits shown on the page."""
 _SHOWN = 14
 _CAPTION = (
     "Overlapping Allan deviation with 95 % intervals; the terms that the record has, and their sum. Averaging times"
@@ -32,7 +32,7 @@ _CAPTION = (
 
 
 def values(found: Allan) -> dict[str, Any]:
-    """What `--json` says of an analysis."""
+    """Return the analysis as plain data for `--json`."""
     coefficients: dict[str, Any] = {}
     for term in TERMS:
         one, unit = _in_units(found, term)
@@ -53,7 +53,7 @@ def values(found: Allan) -> dict[str, Any]:
 
 
 def lines(found: Allan) -> str:
-    """The analysis for a terminal: a few averaging times, and every term."""
+    """Return the analysis as plain text: a selection of averaging times, and every noise term."""
     chosen = np.unique(np.linspace(0, found.tau_s.size - 1, _SHOWN).round().astype(int))
     rows = [f"{'tau':>12}  {'deviation':>13}  95 % interval   ({found.series.source}, {found.series.unit})"]
     rows += [
@@ -65,7 +65,7 @@ def lines(found: Allan) -> str:
 
 
 def cautions(found: Allan) -> list[str]:
-    """What a reader must know before the terms: where they do not describe the record."""
+    """Return warnings about averaging times at which the noise terms do not describe the record."""
     misfit = found.misfit
     if misfit is None:
         return []
@@ -79,7 +79,7 @@ def cautions(found: Allan) -> list[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TermRow:
-    """One term as a reader sees it."""
+    """One noise term as printed."""
 
     term: Term
     name: str
@@ -87,7 +87,7 @@ class TermRow:
 
 
 def term_rows(found: Allan) -> list[TermRow]:
-    """All five terms, found or refused."""
+    """Return all five terms, including those that were not determined."""
     return [TermRow(term=term, name=NAMES[term], stated=_stated(found, term)) for term in TERMS]
 
 
@@ -100,7 +100,7 @@ def _stated(found: Allan, term: Term) -> str:
 
 
 def _in_units(found: Allan, term: Term) -> tuple[Coefficient | None, str]:
-    """A term's coefficient, if it has one, in the unit in which it is stated."""
+    """Return a term's coefficient, or None if it was not determined, and the unit in which it is stated."""
     one, unit = found.terms.found.get(term), unit_of(term, found.series.unit)
     if one is None:
         return None, unit.name
@@ -109,7 +109,7 @@ def _in_units(found: Allan, term: Term) -> tuple[Coefficient | None, str]:
 
 
 def write_report(found: Allan, folder: Path, title: str) -> list[Path]:
-    """Write the page and the table, each whole or not at all; the paths."""
+    """Write the page and the table, each atomically; return their paths."""
     make_folder(folder)
     with style():
         svg = inline_svg(allan_figure(found), "allan")
@@ -131,7 +131,7 @@ def write_report(found: Allan, folder: Path, title: str) -> list[Path]:
 
 
 def allan_figure(found: Allan) -> Figure:
-    """The deviation with its intervals, the terms, and their sum, on logarithmic axes."""
+    """Plot the deviation with its intervals, the noise terms and their sum, on logarithmic axes."""
     figure = new_figure(3.6)
     axes = figure.subplots()
     axes.fill_between(found.tau_s, found.ci95[:, 0], found.ci95[:, 1], color=GREY, alpha=0.25, linewidth=0)
@@ -147,7 +147,7 @@ def allan_figure(found: Allan) -> Figure:
     if len(found.terms.found) > 1:
         axes.plot(grid_s, np.sqrt(total), color=GREY, linewidth=0.8, label="their sum")
     high = float(found.ci95[:, 1].max())
-    low = float(found.ci95[found.deviation > DIGITS * high, 0].min())  # what toggles evenly averages to nothing
+    low = float(found.ci95[found.deviation > DIGITS * high, 0].min())  # a regular toggle averages to 0
     axes.set(xscale="log", yscale="log", ylim=(0.7 * low, 1.4 * high))
     axes.set(xlabel="averaging time τ (s)", ylabel=f"deviation ({found.series.unit})")
     axes.set_title("Allan deviation")
@@ -156,7 +156,7 @@ def allan_figure(found: Allan) -> Figure:
 
 
 def _columns(found: Allan) -> list[FloatArray]:
-    """The table, as `_COLUMNS` names it."""
+    """Return the columns of the table in the order of `_COLUMNS`."""
     return [found.tau_s, found.deviation, *found.ci95.T, found.freedom]
 
 

@@ -1,4 +1,4 @@
-"""The calibration report: one HTML page that says what was done, what was found, and how well it is known."""
+"""The calibration report: one HTML page with the procedure, the results and their uncertainties."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from benchctl.reports.setup_section import parameters
 
 
 def drawings(result: CalibrationResult) -> Mapping[str, Drawing]:
-    """The figures that the result supports, by name: levels, rows, final, output, k_omega, k_temperature."""
+    """Draw the figures that the result supports, by name: levels, rows, final, output, k_omega, k_temperature."""
     found: dict[str, Drawing] = {}
 
     def add(name: str, figure: Figure | None, alt: str, caption: str) -> None:
@@ -71,8 +71,10 @@ def drawings(result: CalibrationResult) -> Mapping[str, Drawing]:
 
 
 def _levels_alt(result: CalibrationResult) -> str:
-    told = [f"{level.replace('_', ' ')} {text.percent(value)}" for level, value in result.error_percent.items()]
-    return "Largest error of each level against rate, temperature and time" + (f": {', '.join(told)}." if told else ".")
+    errors = [f"{level.replace('_', ' ')} {text.percent(value)}" for level, value in result.error_percent.items()]
+    return "Largest error of each level against rate, temperature and time" + (
+        f": {', '.join(errors)}." if errors else "."
+    )
 
 
 def _levels_caption(result: CalibrationResult) -> str:
@@ -113,7 +115,7 @@ def _final_caption(result: CalibrationResult) -> str:
 
 
 _EXCESS = 3.0
-"""Beyond this the scatter of the means is no matter of chance."""
+"""Above this ratio the scatter of the means is not explained by chance."""
 
 _CONVENTIONS: Mapping[tuple[str, str], str] = {
     ("correction", "indicated"): "correction, of the indicated rate: the rate that the line reads is multiplied by k",
@@ -122,7 +124,7 @@ _CONVENTIONS: Mapping[tuple[str, str], str] = {
 
 
 def formula(joint: JointFit) -> list[str]:
-    """How an output U becomes a rate ω by a joint fit, in lines."""
+    """Return the equations that convert an output U to a rate ω by a joint fit, one per line."""
     names = {parameter.name for parameter in joint.parameters}
     bias = "U − U0" + "".join(f" − {c}·{_power('ΔT', i)}" for i, c in enumerate(("c1", "c2", "c3"), 1) if c in names)
     letter = "g" if joint.law == "sine" else "a"
@@ -141,7 +143,7 @@ def formula(joint: JointFit) -> list[str]:
 
 
 def conventions(result: CalibrationResult) -> list[tuple[str, str]]:
-    """Terms and what they mean in this report."""
+    """Return the terms and symbols of this report with their definitions."""
     rows = [
         ("True rate ω", _true_rate(result)),
         ("T, T0", f"T is the gyro's own thermometer; T0 = {text.plain(result.T0_c, '°C', 3)}; k(T0) = 1."),
@@ -153,8 +155,8 @@ def conventions(result: CalibrationResult) -> list[tuple[str, str]]:
     ]
     if result.joint:
         best = result.best
-        told = _CONVENTIONS.get((best.convention, best.argument), f"{best.convention}, argument {best.argument}")
-        rows.append((f"Law of the joint fit ({best.law})", f"{told}."))
+        description = _CONVENTIONS.get((best.convention, best.argument), f"{best.convention}, argument {best.argument}")
+        rows.append((f"Law of the joint fit ({best.law})", f"{description}."))
     return [
         *rows,
         (
@@ -173,7 +175,7 @@ def conventions(result: CalibrationResult) -> list[tuple[str, str]]:
 
 
 def remarks(result: CalibrationResult) -> list[str]:
-    """What a user of the coefficients should know, and what was done."""
+    """Return remarks for the user of the coefficients, and notes on how they were determined."""
     reach = max(abs(end) for end in result.valid.rate_dps)
     beyond = (
         f"Measured up to {text.plain(reach, '°/s')}; the gyro's rated range is ±{text.plain(result.range_dps, '°/s')}."
@@ -188,7 +190,7 @@ def remarks(result: CalibrationResult) -> list[str]:
 
 
 def again(meta: Meta) -> str:
-    """The commands that repeat the campaign and the fit."""
+    """Return the commands that repeat the campaign and the fit."""
     procedure = meta.provenance.get("procedure")
     lines = []
     if procedure:
@@ -200,19 +202,21 @@ def again(meta: Meta) -> str:
 
 
 def _argument(value: object) -> str:
-    """A parameter as the command line takes it."""
+    """Return a parameter in the syntax of the command line."""
     return ",".join(str(item) for item in value) if isinstance(value, list) else str(value)
 
 
 def _true_rate(result: CalibrationResult) -> str:
-    told = "the rate of the table by its encoder"
+    description = "the rate of the table by its encoder"
     if result.latitude_deg is not None:
-        told += f" plus the vertical part of the Earth's, {text.number(result.earth_rate_dps, 3)} °/s at this latitude"
+        description += (
+            f" plus the vertical part of the Earth's, {text.number(result.earth_rate_dps, 3)} °/s at this latitude"
+        )
     if result.smoother is None:
-        return f"{told}."
+        return f"{description}."
     noise = result.smoother.rate_noise_dps
     known = f" Noise of one value: {text.number(noise, 2)} °/s." if math.isfinite(noise) else ""
-    return f"{told}. {text.raised(result.smoother.says)}{known}"
+    return f"{description}. {text.raised(result.smoother.says)}{known}"
 
 
 def _valid(result: CalibrationResult) -> str:
@@ -242,12 +246,12 @@ def _power(base: str, exponent: int) -> str:
 def write_calibration_report(
     path: Path, result: CalibrationResult, meta: Meta, infos: Sequence[StepInfo], *, digest: str
 ) -> None:
-    """Write the page, whole or not at all; `digest` is the recording's. Raises `UsageError` where the disk refuses."""
+    """Write the page atomically; `digest` is the recording's. Raises `UsageError` if the file cannot be written."""
     write_page(path, calibration_page(result, meta, infos, digest=digest))
 
 
 def calibration_page(result: CalibrationResult, meta: Meta, infos: Sequence[StepInfo], *, digest: str) -> str:
-    """The page as text; the same input gives the same bytes."""
+    """Return the page as text. The same input gives the same bytes."""
     best = result.joint[0] if result.joint else None
     lines = formula(best) if best else []
     output_unit = text.unit_text(result.output_unit)
@@ -286,7 +290,7 @@ def calibration_page(result: CalibrationResult, meta: Meta, infos: Sequence[Step
 
 
 def _uses(result: CalibrationResult) -> dict[int, str]:
-    """What became of each step, by index; one may have been cut into runs that were fitted and runs kept aside."""
+    """Return the use of each step by index. A step may have been cut into fitted runs and held-out runs."""
     left = result.residuals
     fitted, aside = set(left.step[~left.verify].tolist()), set(left.step[left.verify].tolist())
     return {

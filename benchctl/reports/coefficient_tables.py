@@ -1,4 +1,4 @@
-"""The coefficients with their uncertainties, the budget and the stages, in rows; and the file that a recording has."""
+"""Tables of coefficients with uncertainties, of the budget and of the stages; and the coefficients of a recording."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _SYMBOLS: Mapping[str, str] = {
     "thermal_lag_s": "τ of the coil",
 }
 _MOST_DOF = 1000.0
-"""From here on degrees of freedom are as good as infinite."""
+"""Degrees of freedom from this value on are printed as infinite."""
 _SUPERSCRIPT = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coefficient:
-    """One line of a table of coefficients; `value` is unrounded, the rest is text."""
+    """One row of a table of coefficients; `value` is unrounded, the other fields are text."""
 
     name: str
     symbol: str
@@ -43,7 +43,7 @@ class Coefficient:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BudgetLine:
-    """The contributions to one coefficient's uncertainty, in the order of the budget's sources; None for none."""
+    """The contributions to one coefficient's uncertainty, in the order of the budget's sources; None if it has none."""
 
     symbol: str
     unit: str
@@ -56,7 +56,7 @@ class BudgetLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BudgetSource:
-    """A contributor, of kind A or B, and on what ground; the ground may differ from coefficient to coefficient."""
+    """A contributor of type A or B, with the basis of its value, which may differ between coefficients."""
 
     name: str
     kind: str
@@ -65,7 +65,7 @@ class BudgetSource:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """Every contributor and what it brings to each coefficient."""
+    """All contributors, and their contribution to each coefficient."""
 
     sources: tuple[BudgetSource, ...]
     lines: tuple[BudgetLine, ...]
@@ -73,14 +73,14 @@ class Budget:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageTable:
-    """A stage of the two-stage calibration, ready to print."""
+    """A stage of the two-stage calibration with its printed coefficients."""
 
     stage: Stage
     coefficients: tuple[Coefficient, ...]
 
 
 def joint_coefficients(joint: JointFit) -> list[Coefficient]:
-    """The parameters of a joint fit, those of the encoder last; ± is the expanded uncertainty."""
+    """Return the parameters of a joint fit, those of the encoder last; ± is the expanded uncertainty."""
     ordered = sorted(joint.parameters, key=lambda parameter: parameter.name.startswith("encoder"))
     return [
         Coefficient(
@@ -96,13 +96,13 @@ def joint_coefficients(joint: JointFit) -> list[Coefficient]:
 
 
 def budget(joint: JointFit) -> Budget | None:
-    """The budget of those parameters that more than the scatter of the data contributes to; None without any."""
+    """Return the budget of the parameters with contributors other than the scatter of the data; None without any."""
     stated = [parameter for parameter in joint.parameters if len(parameter.budget) > 1]
     sources: dict[str, BudgetSource] = {}
     for part in (part for parameter in stated for part in parameter.budget):
         known = sources.get(part.source)
-        says = {**dict.fromkeys(known.says if known else ()), text.raised(part.says): None}
-        sources[part.source] = BudgetSource(name=part.source, kind=part.kind, says=tuple(says))
+        grounds = {**dict.fromkeys(known.says if known else ()), text.raised(part.says): None}
+        sources[part.source] = BudgetSource(name=part.source, kind=part.kind, says=tuple(grounds))
     lines = []
     for parameter in stated:
         by_source = {part.source: part.standard for part in parameter.budget}
@@ -122,14 +122,14 @@ def budget(joint: JointFit) -> Budget | None:
 
 
 def stage_tables(result: CalibrationResult) -> list[StageTable]:
-    """The stages; ± is the expanded uncertainty by the scatter of the data."""
+    """Return the tables of the stages; ± is the expanded uncertainty from the scatter of the data."""
     return [
         StageTable(stage=stage, coefficients=tuple(_of_stage(stage, result.output_unit))) for stage in result.stages
     ]
 
 
 def symbol(name: str) -> str:
-    """A parameter's name as it stands in the formulas: `K0_v_per_dps` is K0, `encoder_cos1_arcsec` encoder cos 1θ."""
+    """Return a parameter's symbol in the formulas: `K0_v_per_dps` is K0, `encoder_cos1_arcsec` is encoder cos 1θ."""
     encoder = re.fullmatch(r"encoder_(sin|cos)(\d)_arcsec", name)
     return f"encoder, {encoder[1]} {encoder[2]}θ".replace(" 1θ", " θ") if encoder else _SYMBOLS.get(name, name)
 
@@ -163,7 +163,7 @@ def _of_factor(name: str, factor: PolynomialFactor, terms: Sequence[tuple[str, s
 
 
 def _row(name: str, value: float, known: tuple[float, float] | None, unit: str, says: str) -> Coefficient:
-    """`known` are the standard uncertainty and its degrees of freedom."""
+    """Return a row; `known` holds the standard uncertainty and its degrees of freedom."""
     standard, dof = known or (math.nan, math.inf)
     half = coverage_factor(dof, 0.95) * standard
     return Coefficient(
@@ -184,13 +184,13 @@ COEFFICIENTS = "coefficients.json"
 
 
 def own_compensation(source: Path) -> Compensation:
-    """The compensation by a file of coefficients itself, or by that in a recording's folder.
+    """Return the compensation in a coefficients file, or the one in a recording's folder.
 
     Raises
     ------
     UsageError
-        There are no coefficients, they cannot be used, or they were not fitted on this recording: another one in the
-        same folder may have been.
+        If the coefficients are missing or unusable, or if they were not fitted on this recording: the same folder may
+        contain the results of another one.
     """
     if source.suffix.lower() == ".json":
         return read_compensation(source)
@@ -210,7 +210,7 @@ def own_compensation(source: Path) -> Compensation:
 
 
 def _digest(source: Path) -> str | None:
-    """The recording's digest; None of a folder of results, which holds no recording."""
+    """Return the recording's digest; None for a folder of results that holds no recording."""
     if source.is_dir() and not any((source / name).exists() for name in (RECORDING, CAMPAIGN, OPEN_DESCRIPTION)):
         return None
     with open_recording(source) as recording:

@@ -1,4 +1,4 @@
-"""The report on a diagnosis: one HTML page for somebody who was not there."""
+"""The diagnosis report: one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _WEIGHED = " After, each sample is weighed by the noise that its rate brings, an
 
 
 def drawings(diagnosis: Diagnosis, unit: str) -> Mapping[str, Drawing]:
-    """Those figures that there is something to draw for, by name: map, steps, traces, structure-1 and so on."""
+    """Draw the figures for which there are data, by name: map, steps, traces, structure-1 and so on."""
     found: dict[str, Drawing] = {}
     both = predicts_otherwise(diagnosis)
     before_after = "before and after" if both else "the model's own parameters refitted"
@@ -96,7 +96,7 @@ def drawings(diagnosis: Diagnosis, unit: str) -> Mapping[str, Drawing]:
 
 
 def beyond_chance(diagnosis: Diagnosis) -> str:
-    """Along which coordinates the residual is beyond chance, before and after."""
+    """Return a sentence naming the coordinates along which the residual exceeds the chance level, before and after."""
     before = _beyond([(one, significance(one, one.before)) for one in diagnosis.slices])
     after = _beyond([(one, significance(one, one.after)) for one in diagnosis.slices])
     if not predicts_otherwise(diagnosis):
@@ -125,15 +125,15 @@ def _grows(diagnosis: Diagnosis) -> bool:
 def write_diagnosis_report(
     path: Path, diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], *, digest: str, unit: str = "V"
 ) -> None:
-    """Write the page, whole or not at all; `digest` is the recording's, `unit` that of the diagnosed quantity.
+    """Write the page atomically; `digest` is the recording's, `unit` that of the diagnosed quantity.
 
-    Raises `UsageError` where the disk refuses.
+    Raises `UsageError` if the file cannot be written.
     """
     write_page(path, diagnosis_page(diagnosis, meta, infos, digest=digest, unit=unit))
 
 
 def diagnosis_page(diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], *, digest: str, unit: str = "V") -> str:
-    """The page as text; the same input gives the same bytes."""
+    """Return the page as text. The same input gives the same bytes."""
     unit = words.unit(unit)
     known = tables.known_effects()
     return render(
@@ -170,7 +170,7 @@ def diagnosis_page(diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], 
 
 
 def _tiles(diagnosis: Diagnosis, unit: str) -> Iterator[tuple[str, str, str, str]]:
-    """Level, name, value and remark of each size that stands at the head of the page."""
+    """Yield level, name, value and remark of each rms value at the top of the page."""
     fit = diagnosis.fit
     yield "", "noise", words.size(fit.noise, unit), "of the recording itself, rms"
     named = [("raw", "before", fit.heldout_before), ("joint", "after", fit.heldout_after)]

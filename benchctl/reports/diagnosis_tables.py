@@ -1,4 +1,4 @@
-"""The parts of a diagnosis as a page prints them, and as short lines for the terminal."""
+"""The sections and tables of a diagnosis page, and the diagnosis as lines for the terminal."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _UNCERTAINTY = re.compile(r"\(?([^( ]+) ± [^ )]+\)?")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterRow:
-    """A parameter; `value` is unrounded, the rest is text. `was` and `change` are empty where there was none before."""
+    """A parameter; `value` is unrounded, the other fields are text. `was` and `change` are empty for new ones."""
 
     name: str
     says: str
@@ -41,16 +41,16 @@ class ParameterRow:
 
 
 def known_effects() -> dict[str, type[DescribedEffect]]:
-    """The hypotheses about all parts of a bench, by identifier."""
+    """Return the known effects of all parts of a bench, by identifier."""
     return {**effects(), **drive_effects(), **chamber_effects()}
 
 
 def finding_section(
     finding: Finding, known: Mapping[str, type[DescribedEffect]], threshold: float, unit: str
 ) -> dict[str, object]:
-    """A finding, with the words and the equation of the effect where it is a known one.
+    """Return a finding, with description and equation of the effect if it is a known one.
 
-    `threshold` is chance's, `unit` that of the diagnosed quantity.
+    `threshold` is the chance level, `unit` that of the diagnosed quantity.
     """
     kind = known.get(finding.effect)
     meanings = {name: one.meaning for name, one in kind.parameters.items()} if kind else {}
@@ -73,7 +73,7 @@ def finding_section(
 
 
 def structure_section(one: StructureModel) -> dict[str, object]:
-    """A structure with its formula and its parameters."""
+    """Return an empirical model with its formula and its parameters."""
     kind = structure_named(one.identifier)
     meanings = {} if kind is None else {name: known.meaning for name, known in kind.parameters.items()}
     return {
@@ -105,7 +105,7 @@ def _evidence(finding: Finding, threshold: float) -> Iterator[tuple[str, str]]:
 
 
 def not_found_row(one: NotFound) -> dict[str, object]:
-    """A line of what was looked for; the size is that of its parameter, the others being held."""
+    """Return a row of the effects tested and not found; the size is that of its parameter, with the others fixed."""
     return {
         "title": title(one.effect),
         "effect": one.effect,
@@ -115,7 +115,7 @@ def not_found_row(one: NotFound) -> dict[str, object]:
 
 
 def baseline_rows(baseline: Mapping[str, Estimate]) -> list[ParameterRow]:
-    """The model's own parameters, as they were and as they are once refitted."""
+    """Return the model's own parameters before and after the refit."""
     return [
         _parameter(
             name, value, {}, was="" if value.was is None else _like(value.was, value), change=words.change(value)
@@ -125,7 +125,7 @@ def baseline_rows(baseline: Mapping[str, Estimate]) -> list[ParameterRow]:
 
 
 def fit_rows(diagnosis: Diagnosis, unit: str) -> list[tuple[str, str, str]]:
-    """Rms of the residuals, each beside the noise."""
+    """Return the rms of the residuals, each relative to the noise."""
     fit = diagnosis.fit
     rows: Sequence[tuple[str, float]] = (
         ("noise of the recording", fit.noise),
@@ -158,7 +158,7 @@ def _parameter(
 
 
 def _like(was: float, now: Estimate) -> str:
-    """What a parameter was, to as many digits and with the power of ten of what it is now."""
+    """Return the former value of a parameter with the decimals and the power of ten of the current one."""
     stated = words.estimate(replace(now, value=was, low=was - now.value + now.low, high=was - now.value + now.high))
     return _UNCERTAINTY.sub(r"\1", stated)
 
@@ -171,7 +171,7 @@ _WIDTH = 100
 
 
 def lines(diagnosis: Diagnosis, unit: str) -> Iterator[str]:
-    """Verdict, findings, what is left, how well it fits, what to do next; a command stays on one line."""
+    """Yield verdict, findings, unexplained residual, goodness of fit and next step; a command is kept on one line."""
     yield from _wrapped(f"{diagnosis.verdict}: {words.prose(headline(diagnosis))}")
     for number, finding in enumerate(diagnosis.findings, 1):
         yield from _finding(number, finding)
@@ -194,7 +194,7 @@ def lines(diagnosis: Diagnosis, unit: str) -> Iterator[str]:
 
 
 def next_command(diagnosis: Diagnosis) -> str:
-    """How the next experiment is run; empty where there is none."""
+    """Return the command that runs the next experiment; empty if there is none."""
     following = diagnosis.next_experiment
     if not following.procedure:
         return ""
@@ -219,12 +219,14 @@ def _fit(diagnosis: Diagnosis, unit: str) -> str:
         f"{words.size(rms, unit)} ({words.times_noise(rms, fit.noise)})"
         for rms in (fit.heldout_before, fit.heldout_after)
     )
-    told = f"{before} before, {after} after" if changed(diagnosis) else f"{after}, the model's own parameters refitted"
-    return f"residual on held-out steps, rms: {told}"
+    residuals = (
+        f"{before} before, {after} after" if changed(diagnosis) else f"{after}, the model's own parameters refitted"
+    )
+    return f"residual on held-out steps, rms: {residuals}"
 
 
 def _wrapped(told: str, indent: str = "") -> list[str]:
-    """Lines of at most so many characters, the further ones set in; a number stays with its unit."""
+    """Wrap to lines of at most `_WIDTH` characters with a hanging indent; a number stays with its unit."""
     return textwrap.wrap(
         told,
         _WIDTH,

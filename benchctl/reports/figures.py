@@ -1,7 +1,7 @@
-"""What all figures share: size, colours, style, and how a figure becomes part of a page.
+"""Size, colours and style of all figures, and their conversion to inline SVG.
 
-Figures are made with matplotlib's objects alone (no pyplot, no global state) and become inline SVG whose bytes depend
-on nothing but the data. Importing this module imports matplotlib: the command line does so only when it draws.
+Figures are made with matplotlib's objects alone (no pyplot, no global state). The bytes of the inline SVG depend only
+on the data. Importing this module imports matplotlib: the command line does so only when it draws.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ PATH_LEVELS: Mapping[str, str] = {
     "stage_2": "stage 2",
     "joint": "joint fit",
 }
-"""The levels that a report follows, in the order in which the error goes down, by their short names."""
+"""The levels of the calibration in the order of decreasing error, with their short names."""
 
 LEVEL_COLOURS: Mapping[str, str] = {"raw": "#D55E00", "stage_1": "#E69F00", "stage_2": "#009E73", "joint": "#0072B2"}
-"""One colour a level, everywhere in a report (Okabe and Ito's palette, told apart by colour-blind readers)."""
+"""One colour per level in all reports (Okabe and Ito's palette, distinguishable by colour-blind readers)."""
 
 LEVEL_MARKERS: Mapping[str, str] = {"raw": "o", "stage_1": "s", "stage_2": "^", "joint": "D"}
-"""The levels once more, for a reader without colours."""
+"""One marker per level, so that the levels are distinguishable without colours."""
 
 INK, GREY, FAINT = "#222222", "#6b6b6b", "#b9c0c7"
 
 _MOST_VECTOR_POINTS = 400
-_STYLE: dict[Any, Any] = {  # of any key: its type lists the settings of one version of matplotlib
+_STYLE: dict[Any, Any] = {  # keys are Any: matplotlib's type lists the settings of one version only
     "font.family": "DejaVu Sans",
     "font.size": 7.5,
     "axes.titlesize": 8,
@@ -68,7 +68,7 @@ _STYLE: dict[Any, Any] = {  # of any key: its type lists the settings of one ver
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
-    """A figure in a page: its SVG, what it shows in one sentence for who cannot see it, and the caption below."""
+    """A figure in a page: its SVG, the alternative text in one sentence, and the caption below it."""
 
     svg: str
     alt: str
@@ -76,17 +76,17 @@ class Drawing:
 
 
 def style() -> AbstractContextManager[None]:
-    """The style of all figures; to be active while they are made and while they are written."""
+    """Return the style context of all figures, to be active while they are made and written."""
     return mpl.rc_context(_STYLE)
 
 
 def new_figure(height_in: float) -> Figure:
-    """An empty figure of the page's width."""
+    """Return an empty figure of the page's width."""
     return Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
 
 
 def inline_svg(figure: Figure, name: str) -> str:
-    """A figure as SVG to be put into HTML: no prolog, no dates, no foreign addresses; `name` makes its ids unique."""
+    """Return a figure as SVG for HTML: no prolog, no dates, no external addresses; `name` makes its ids unique."""
     stream = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": name}):
         figure.savefig(
@@ -100,12 +100,12 @@ def inline_svg(figure: Figure, name: str) -> str:
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
     svg = re.sub(r'href="#', f'href="#{name}-', svg)
     svg = svg.replace("url(#", f"url(#{name}-")
-    # Its size is the page's business: the view box keeps the proportions.
+    # The page sets the size; the view box keeps the proportions.
     return re.sub(r'<svg width="[^"]*" height="[^"]*"', "<svg", svg, count=1)
 
 
 def dots(axes: Axes, x: FloatArray, y: FloatArray, colour: str, *, size: float = 1.6) -> None:
-    """Many small points; drawn as pixels inside the SVG where they are many."""
+    """Plot many small points; they are rasterized inside the SVG above `_MOST_VECTOR_POINTS`."""
     axes.plot(
         x,
         y,
@@ -119,5 +119,5 @@ def dots(axes: Axes, x: FloatArray, y: FloatArray, colour: str, *, size: float =
 
 
 def level_names(keys: Sequence[str]) -> list[str]:
-    """Those levels of the path that there are, in its order."""
+    """Return the levels that are present in `keys`, in the order of `PATH_LEVELS`."""
     return [name for name in PATH_LEVELS if name in keys]

@@ -1,4 +1,4 @@
-"""A fleet in numbers: what was found in which recordings, how figures are spread; as lines and as JSON values."""
+"""Statistics of a fleet: recurring effects, the spread of figures and test verdicts; as lines and as JSON values."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Member:
-    """A recording of the fleet: how the verb ended on it, and what is `stated` of it by verb, by earlier ones too.
+    """A recording of the fleet: the outcome of the verb, and the `stated` results by verb, including earlier verbs.
 
-    `recording` is its path or URL, as are `reports`, by verb; `says` is why it failed.
+    `recording` is its path or URL, as are `reports`, by verb; `says` is the reason of a failure.
     """
 
     recording: str
@@ -38,19 +38,19 @@ class Member:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fleet:
-    """A verb done over recordings; `left` are those that were not come to, as it was stopped."""
+    """A verb applied to recordings; `left` counts those not processed because the run was stopped."""
 
     verb: FleetVerb
     members: tuple[Member, ...]
     left: int
 
     def ended(self, state: str) -> list[Member]:
-        """The members on which the verb ended so."""
+        """Return the members with this state."""
         return [member for member in self.members if member.state == state]
 
     @property
     def rejected(self) -> list[Member]:
-        """Of a fleet that was accepted, those that do not pass."""
+        """The members of an accepted fleet that do not pass."""
         if self.verb != "accept":
             return []
         return [one for one in self.members if one.state != "failed" and one.stated["accept"].verdict != "PASS"]
@@ -58,9 +58,9 @@ class Fleet:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """One figure over the recordings of one model of gyro: `values` with the members that they are of.
+    """One figure over the recordings of one model of gyro: `values` with their members.
 
-    Values that are only bounds are left out. `siblings` judges who stands apart; None of too few, or of equal values.
+    Values that are only bounds are left out. `siblings` detects outliers; None for too few or equal values.
     """
 
     verb: FleetVerb
@@ -77,7 +77,7 @@ class Spread:
 
     @property
     def apart(self) -> list[tuple[Member, Figure, float]]:
-        """Who stands apart from the others, with the robust z, the furthest first."""
+        """The members that stand apart from the others, with the robust z, the largest first."""
         if self.siblings is None:
             return []
         found = [
@@ -90,24 +90,24 @@ class Spread:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recurring:
-    """An effect, and the members in which a diagnosis found it; some, such as harmonics, several times in one."""
+    """An effect, and the members in which a diagnosis found it; some, such as harmonics, occur several times in one."""
 
     effect: str
     found: tuple[tuple[Member, FoundEffect], ...]
 
     @property
     def count(self) -> int:
-        """In how many members it was found."""
+        """The number of members in which it was found."""
         return len({member.recording for member, _ in self.found})
 
     @property
     def sizes(self) -> list[float]:
-        """The values of its first parameter, where there is one."""
+        """The values of its first parameter, if it has one."""
         return [effect.parameters[0].value for _, effect in self.found if effect.parameters]
 
 
 def spreads(fleet: Fleet) -> list[Spread]:
-    """How each figure of fits and acceptances is spread, in the order in which they are stated."""
+    """Return the spread of each figure of fits and acceptances, in the order in which they are stated."""
     found: dict[tuple[FleetVerb, str, str, str], list[tuple[Member, Figure]]] = defaultdict(list)
     for verb in ("fit", "accept"):
         for member in fleet.members:
@@ -128,12 +128,12 @@ def spreads(fleet: Fleet) -> list[Spread]:
 
 
 def diagnosed(fleet: Fleet) -> list[Member]:
-    """The members of which there is a diagnosis."""
+    """Return the members that have a diagnosis."""
     return [member for member in fleet.members if "diagnose" in member.stated]
 
 
 def recurring(fleet: Fleet) -> list[Recurring]:
-    """The effects that diagnoses found, the most frequent first."""
+    """Return the effects that diagnoses found, the most frequent first."""
     found: dict[str, list[tuple[Member, FoundEffect]]] = defaultdict(list)
     for member in diagnosed(fleet):
         for effect in member.stated["diagnose"].effects:
@@ -143,7 +143,7 @@ def recurring(fleet: Fleet) -> list[Recurring]:
 
 
 def judged(fleet: Fleet) -> dict[str, dict[str, list[Member]]]:
-    """By the name of an acceptance's test and its verdict, who has it; tests with failures first."""
+    """Return the members by test name and verdict; tests with failures first."""
     found: dict[str, dict[str, list[Member]]] = {}
     for member in fleet.members:
         for name, verdict in member.stated["accept"].tests if "accept" in member.stated else ():
@@ -152,7 +152,7 @@ def judged(fleet: Fleet) -> dict[str, dict[str, list[Member]]]:
 
 
 def label(member: Member) -> str:
-    """What a member is called: its recording's name, and its unit's serial where that says more."""
+    """Return the label of a member: its recording's name, with its unit's serial if the name does not contain it."""
     return member.name if not member.serial or member.serial in member.name else f"{member.name} ({member.serial})"
 
 
@@ -160,7 +160,7 @@ SCHEMA = "benchctl-fleet/1"
 
 
 def fleet_values(fleet: Fleet) -> dict[str, Any]:
-    """Plain data; recordings are named by their paths or URLs."""
+    """Return the fleet as plain data; recordings are named by their paths or URLs."""
     return {
         "verb": fleet.verb,
         "recordings": {
@@ -180,7 +180,7 @@ def fleet_values(fleet: Fleet) -> dict[str, Any]:
 
 
 def write_fleet_file(path: Path, fleet: Fleet) -> None:
-    """Write the file, whole or not at all; `UsageError` where the disk refuses."""
+    """Write the file atomically; raises `UsageError` if it cannot be written."""
     with whole_file(path) as temporary:
         content = {"schema": SCHEMA, **fleet_values(fleet)}
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
@@ -242,16 +242,20 @@ def _recurring(one: Recurring, of: int) -> dict[str, Any]:
 
 
 _MOST = 20
-"""Failures, and figures apart, that a reader is shown; the report has all."""
+"""Number of failures, and of figures apart, in the lines; the report has all."""
 
 
 def lines(fleet: Fleet) -> Iterator[str]:
-    """How many were done; what failed; who stands apart; which physics recurs; which tests do not pass."""
+    """Yield the counts, the failures, the figures apart, the recurring effects and the tests that do not pass."""
     counts = {state: len(fleet.ended(state)) for state in ("done", "kept", "failed")}
-    told = [f"{counts['done']} done", f"{counts['kept']} unchanged since they were done", f"{counts['failed']} failed"]
+    states = [
+        f"{counts['done']} done",
+        f"{counts['kept']} unchanged since they were done",
+        f"{counts['failed']} failed",
+    ]
     left = [f"{fleet.left} left"] if fleet.left else []
     total = len(fleet.members) + fleet.left
-    yield f"{fleet.verb} of {total} {'recording' if total == 1 else 'recordings'}: {', '.join([*told, *left])}"
+    yield f"{fleet.verb} of {total} {'recording' if total == 1 else 'recordings'}: {', '.join([*states, *left])}"
     yield from _first([f"failed: {member.says}" for member in fleet.ended("failed")])
     yield from _first(
         [

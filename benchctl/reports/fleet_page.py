@@ -1,6 +1,6 @@
-"""The page on a fleet: what failed, how figures are spread, which physics recurs, what the acceptances show.
+"""The HTML page on a fleet: failures, the spread of figures, recurring effects, results of the acceptance tests.
 
-Its charts are written as SVG at once, as those of a history are; a mark shows its numbers where the mouse rests.
+The charts are written directly as SVG, like those of a history; a mark shows its numbers as a tooltip.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _TITLES: dict[FleetVerb, str] = {"fit": "Calibration", "accept": "Acceptance tes
 
 
 def write_fleet_page(fleet: Fleet, folder: Path) -> Path:
-    """Write `fleet.html`, whole or not at all; its path. Links lead from there to the single reports."""
+    """Write `fleet.html` atomically and return its path. The page links to the reports of the recordings."""
     make_folder(folder)
     found, of, tests = recurring(fleet), diagnosed(fleet), judged(fleet)
     page = render(
@@ -67,7 +67,7 @@ def write_fleet_page(fleet: Fleet, folder: Path) -> Path:
 
 
 def _groups(found: list[Spread]) -> list[tuple[str, list[dict[str, object]]]]:
-    """Figures by where they come from and the model of gyro; those in which somebody stands apart first."""
+    """Group figures by their source and the model of gyro; those with members that stand apart come first."""
     groups: dict[str, list[dict[str, object]]] = {}
     for spread in sorted(found, key=lambda one: not one.apart):
         title = f"{_TITLES[spread.verb]}{f', {spread.model}' if spread.model else ''}"
@@ -78,7 +78,7 @@ def _groups(found: list[Spread]) -> list[tuple[str, list[dict[str, object]]]]:
 def _spread(spread: Spread) -> dict[str, object]:
     values = [figure.value for _, figure in spread.values]
     unit = text.unit_text(spread.unit)
-    said = [
+    outliers = [
         f"{label(member)}: {amount(figure.value, figure.uncertainty, spread.unit)}, z = {text.number(z, 2)}"
         for member, figure, z in spread.apart
     ]
@@ -90,7 +90,7 @@ def _spread(spread: Spread) -> dict[str, object]:
         "drawing": Drawing(
             svg=spread_chart(spread), alt=f"{spread.name} of {len(values)} recordings, median {median}", caption=""
         ),
-        "apart": said,
+        "apart": outliers,
         "median": median,
         "spread": text.number(deviation, 2),
         "low": text.number(min(values), 6),
@@ -131,7 +131,7 @@ def _member(member: Member, folder: Path) -> dict[str, object]:
 
 
 def _address(report: str, folder: Path) -> str:
-    """A link to a report: a URL as it is, a path from the page's folder, so that both may be moved together."""
+    """Return a link to a report: a URL unchanged, a path relative to the page, so that both can be moved together."""
     if "://" in report:
         return report
     try:
@@ -144,15 +144,15 @@ _BLUE, _ORANGE = "#0072B2", "#D55E00"
 _COLOURS = {"PASS": "#00705a", "FAIL": "#b3261e", "INCONCLUSIVE": "#c9a227"}
 _WIDTH, _HEIGHT, _SIDE, _TOP, _BOTTOM = 280.0, 118.0, 12.0, 8.0, 28.0
 _DOT = 5.6
-"""A dot's width, and so that of the bins in which dots stand on each other."""
+"""Diameter of a dot, and width of the bins in which dots are stacked."""
 _FAR = 1.0
-"""The limit of standing apart is drawn where it is not further away than so many times all values."""
+"""The limit for outliers is drawn if its distance is at most (1 + this) times the largest offset."""
 _WIDE, _NAMES, _ROW = 850.0, 190.0, 24.0
 _MOST_LABELS = 40
 
 
 def spread_chart(spread: Spread) -> Markup:
-    """The values of a figure, less their median: a dot each, stacked where they meet; ringed where they stand apart."""
+    """Draw the values of a figure less their median: one dot each, stacked where they overlap, ringed for outliers."""
     median = spread.median
     offsets = [figure.value - median for _, figure in spread.values]
     limit = spread.siblings.half_width if spread.siblings else 0.0
@@ -166,8 +166,8 @@ def spread_chart(spread: Spread) -> Markup:
         parts.append(text_at(across.place(value), floor + 11.0, written, "middle"))
     scale = power(across).removeprefix("× ") if across.exponent else ""
     unit = text.with_unit(scale, text.unit_text(spread.unit)).strip("\u00a0")
-    said = f"less the median{f', in {unit}' if unit else ''}"
-    parts.append(text_at(_WIDTH / 2, floor + 23.0, said, "middle"))
+    caption = f"less the median{f', in {unit}' if unit else ''}"
+    parts.append(text_at(_WIDTH / 2, floor + 23.0, caption, "middle"))
     apart = {member.recording for member, _, _ in spread.apart}
     stacks: dict[int, list[int]] = defaultdict(list)
     for number, offset in enumerate(offsets):
@@ -176,16 +176,16 @@ def spread_chart(spread: Spread) -> Markup:
     for place, numbers in stacks.items():
         for height, number in enumerate(numbers):
             member, figure = spread.values[number]
-            said = f"{label(member)}: {amount(figure.value, figure.uncertainty, spread.unit)}"
+            caption = f"{label(member)}: {amount(figure.value, figure.uncertainty, spread.unit)}"
             x, y = (place + 0.5) * _DOT, floor - _DOT / 2 - height * rise
-            parts.append(_dot(x, y, _DOT / 2 - 0.3, INK, said, ring=member.recording in apart))
+            parts.append(_dot(x, y, _DOT / 2 - 0.3, INK, caption, ring=member.recording in apart))
     return svg_of(_WIDTH, _HEIGHT, 9.5, parts)
 
 
 def effects_chart(found: Sequence[Recurring], of: Sequence[Member]) -> Markup:
-    """Effects in rows, recordings in columns; a bar's height is the size beside the row's largest, its colour the sign.
+    """Draw effects in rows, recordings in columns; bar height is relative to the row's largest, colour is the sign.
 
-    An effect without a size, such as a fault of the data, has a whole bar.
+    An effect without a size, such as a fault of the data, has a full bar.
     """
     columns = {member.recording: number for number, member in enumerate(of)}
     wide = (_WIDE - _NAMES) / len(of)
@@ -198,12 +198,12 @@ def effects_chart(found: Sequence[Recurring], of: Sequence[Member]) -> Markup:
         largest = max((abs(size) for size in one.sizes), default=0.0)
         for member, effect in sorted(
             one.found, key=lambda each: -abs(_size(each[1], largest))
-        ):  # the small ones on top
+        ):  # smaller bars are drawn last
             size = _size(effect, largest)
             tall = max(2.0, (_ROW - 4.0) * (abs(size) / largest if largest else 1.0))
             x = _NAMES + columns[member.recording] * wide + 0.08 * wide
-            said = f"{label(member)}: {one.effect}, {size_of(effect)}"
-            parts.append(_bar(x, floor - tall, 0.84 * wide, tall, _ORANGE if size < 0.0 else _BLUE, said))
+            title = f"{label(member)}: {one.effect}, {size_of(effect)}"
+            parts.append(_bar(x, floor - tall, 0.84 * wide, tall, _ORANGE if size < 0.0 else _BLUE, title))
     if len(of) <= _MOST_LABELS:
         for number, member in enumerate(of):
             x = _NAMES + (number + 0.5) * wide
@@ -222,16 +222,16 @@ def _size(effect: FoundEffect, otherwise: float) -> float:
 
 
 def size_of(effect: FoundEffect) -> str:
-    """The parameters of a finding in words."""
-    told = (
+    """Return the parameters of a finding as text."""
+    parameters = (
         f"{one.name} = {text.with_unit(text.number(one.value, 4), text.unit_text(one.unit))}"
         for one in effect.parameters
     )
-    return ", ".join(told) or "found"
+    return ", ".join(parameters) or "found"
 
 
 def tests_chart(tests: Mapping[str, Mapping[str, Sequence[Member]]]) -> Markup:
-    """A bar for each test of the acceptances: how many pass, are inconclusive, fail."""
+    """Draw a bar for each test of the acceptances with the numbers that pass, are inconclusive or fail."""
     parts = []
     for row, (name, by_verdict) in enumerate(tests.items()):
         y, x = _ROW * row, _NAMES
@@ -243,8 +243,8 @@ def tests_chart(tests: Mapping[str, Mapping[str, Sequence[Member]]]) -> Markup:
             if count == 0:
                 continue
             who = ", ".join(label(member) for member in by_verdict[verdict][:20])
-            said = f"{name}: {count} {verdict}: {who}"
-            parts.append(_bar(x, y + 3.0, width, _ROW - 6.0, _COLOURS[verdict], said))
+            title = f"{name}: {count} {verdict}: {who}"
+            parts.append(_bar(x, y + 3.0, width, _ROW - 6.0, _COLOURS[verdict], title))
             if width > 14.0:
                 white = Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="middle" fill="#fff">{}</text>')
                 parts.append(white.format(x + width / 2, y + _ROW / 2 + 3.5, count))

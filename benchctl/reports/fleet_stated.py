@@ -1,4 +1,4 @@
-"""What a fit, a diagnosis or an acceptance states of one recording, as far as a fleet is compared by it."""
+"""The results that a fit, a diagnosis or an acceptance states for one recording and that a fleet compares."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ DOCUMENTS: Mapping[FleetVerb, str] = {
     "diagnose": "diagnosis.json",
     "accept": "acceptance.json",
 }
-"""The file that each verb writes for programs."""
+"""The JSON file that each verb writes."""
 REPORTS: Mapping[FleetVerb, str] = {"fit": "report.html", "diagnose": "diagnosis.html", "accept": "acceptance.html"}
-"""The page that each verb writes for people."""
+"""The HTML page that each verb writes."""
 _SOURCES: Mapping[FleetVerb, Source] = {"fit": "coefficients", "accept": "acceptance"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundParameter:
-    """A parameter of a finding, with its 95 % interval where there is one; in `unit`."""
+    """A parameter of a finding in `unit`, with its 95 % interval if there is one."""
 
     name: str
     value: float
@@ -40,7 +40,7 @@ class FoundParameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundEffect:
-    """Physics that a diagnosis found. `explains` is its share of the mismatch, 0 to 1; the first parameter its size."""
+    """An effect that a diagnosis found; `explains`: share of the mismatch, 0 to 1; the first parameter is its size."""
 
     effect: str
     explains: float | None
@@ -49,9 +49,9 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stated:
-    """What one verb says of a recording; `verdict` is empty for a fit, `figures` are those that `history` charts.
+    """The results of one verb on a recording; `verdict` is empty for a fit, `figures` are those that `history` charts.
 
-    `tests` are the verdicts of an acceptance by the test's name, also of those without a value.
+    `tests` are the verdicts of an acceptance by test name, including tests without a value.
     """
 
     verdict: str = ""
@@ -61,7 +61,7 @@ class Stated:
 
 
 def stated_in(verb: FleetVerb, folder: Path) -> Stated:
-    """What the document in a folder of results states; `UsageError` where it is not as it should be."""
+    """Read the document in a folder of results; raises `UsageError` if it is malformed."""
     path = folder / DOCUMENTS[verb]
     if verb == "diagnose":
         return _diagnosis(read_json(path, "diagnosis"), path)
@@ -98,7 +98,7 @@ def _effect(finding: Mapping[str, Any]) -> FoundEffect:
 
 
 def _tests(content: Any) -> tuple[tuple[str, str], ...]:
-    """The verdict of each test that has one; of one done at several temperatures the worst."""
+    """Return the verdict of each test that has one; the worst of a test done at several temperatures."""
     worst = ("FAIL", "INCONCLUSIVE", "PASS")
     found: dict[str, str] = {}
     for test in content["tests"]:

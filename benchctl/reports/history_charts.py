@@ -1,7 +1,7 @@
-"""The charts of a history: a figure of a unit over time, and the latest of each unit beside the others.
+"""The charts of a history: a figure of a unit over time, and the latest value of each unit compared with the others.
 
-They are small, many, and full of names from files, so they are written as SVG at once: a folder of a thousand
-campaigns has thousands of them. Whatever comes from a file is escaped; a point tells its numbers where the mouse rests.
+The charts are written directly as SVG, because a folder of a thousand campaigns has thousands of them. All text from
+files is escaped. A point shows its numbers as a tooltip.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from benchctl.history.flags import Siblings
 from benchctl.history.history import Charted
-from benchctl.history.series import Point, Series
+from benchctl.history.series import FigureSeries, Point
 from benchctl.reports import text
 from benchctl.reports.figures import GREY, INK
 
@@ -25,7 +25,7 @@ _TICKS = 5
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """From values to places on a line; `exponent` is the power of ten that its labels leave out."""
+    """A linear map from values to positions; `exponent` is the power of ten omitted from its labels."""
 
     low: float
     high: float
@@ -33,24 +33,24 @@ class Axis:
     end: float
 
     def place(self, value: float) -> float:
-        """Where a value lies."""
+        """Return the position of a value."""
         return self.start + (self.end - self.start) * (value - self.low) / (self.high - self.low)
 
     @property
     def step(self) -> float:
-        """Between two labels."""
+        """The distance between two labels."""
         rough = (self.high - self.low) / _TICKS
         size = 10.0 ** math.floor(math.log10(rough))
         return next(size * factor for factor in (1.0, 2.0, 5.0, 10.0) if size * factor >= rough * (1 - 1e-9))
 
     @property
     def exponent(self) -> int:
-        """The power of ten that the labels leave out."""
+        """The power of ten omitted from the labels."""
         largest = max(abs(self.low), abs(self.high))
         return 0 if 0.01 <= largest < 1e5 else 3 * math.floor(math.log10(largest) / 3)
 
     def ticks(self) -> list[tuple[float, str]]:
-        """Values and their labels."""
+        """Return the values of the ticks and their labels."""
         step, unit = self.step, 10.0**self.exponent
         decimals = max(0, -math.floor(math.log10(step / unit) + 1e-9))
         counts = range(math.ceil(self.low / step), math.floor(self.high / step) + 1)
@@ -58,28 +58,28 @@ class Axis:
 
 
 def padded(values: Sequence[float], start: float, end: float) -> Axis:
-    """An axis that shows all values with some room; of equal ones, a little to both sides."""
+    """Return an axis that shows all values with a margin; equal values get a small margin on both sides."""
     low, high = min(values), max(values)
     room, largest = _ROOM * (high - low), max(abs(low), abs(high))
     if largest == 0.0:
         room = 1.0
-    elif room <= 1e-9 * largest:  # equal, or not to be told apart
+    elif room <= 1e-9 * largest:  # equal, or not distinguishable
         room = 0.05 * largest
     return Axis(low - room, high + room, start, end)
 
 
 def power(axis: Axis) -> str:
-    """The power of ten that an axis' labels leave out, as it is printed."""
+    """Return the power of ten omitted from an axis' labels, as printed."""
     return text.raised(f"× 10^{axis.exponent}")
 
 
 def text_at(x: float, y: float, words: str, anchor: str) -> Markup:
-    """A text; `anchor` is SVG's: start, middle or end."""
+    """Return a text element; `anchor` is SVG's: start, middle or end."""
     return Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="{}">{}</text>').format(x, y, anchor, words)
 
 
 def svg_of(width: float, height: float, font_size: float, parts: Sequence[Markup]) -> Markup:
-    """A picture of these parts."""
+    """Return an SVG picture of these parts."""
     return Markup('<svg viewBox="0 0 {:.0f} {:.0f}" font-size="{}" fill="#444">{}</svg>').format(
         width, height, font_size, Markup("").join(parts)
     )
@@ -89,13 +89,13 @@ _CONTROL, _LIMIT, _FLAGGED = "#0072B2", "#B3261E", "#D55E00"
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 280.0, 138.0, 52.0, 8.0, 15.0, 18.0
 _ROW, _WIDE, _NAMES = 19.0, 850.0, 170.0
 _FAR = 2.0
-"""Limits further away than so many spans of all else are told in words and not drawn, unless a value is beyond."""
+"""Limits further away than this many spans of the data are stated, not drawn, unless a value exceeds them."""
 _LONGEST_NAME, _LONGEST_LABEL = 24, 9
 _DIGITS = 4
 
 
 def time_chart(charted: Charted) -> Markup:
-    """A figure of a unit over time: points with expanded uncertainties, control limits, limits of the acceptance."""
+    """Draw a figure of a unit over time: points with expanded uncertainties, control limits, acceptance limits."""
     points = charted.series.points
     moments = [datetime.fromisoformat(point.started_utc).timestamp() for point in points]
     day = 43_200.0 if moments[0] == moments[-1] else 0.0
@@ -127,8 +127,8 @@ def time_chart(charted: Charted) -> Markup:
     return svg_of(_WIDTH, _HEIGHT, 9.5, parts)
 
 
-def units_chart(series: Sequence[Series], siblings: Siblings | None) -> Markup:
-    """The latest value of each unit, one row each; `siblings` gives the median and how far from it is too far."""
+def units_chart(series: Sequence[FigureSeries], siblings: Siblings | None) -> Markup:
+    """Draw the latest value of each unit, one per row; `siblings` gives the median and the limit for outliers."""
     points = [one.latest for one in series]
     band = [] if siblings is None else [siblings.median - siblings.half_width, siblings.median + siblings.half_width]
     low, high = _span(points, [])
@@ -161,27 +161,27 @@ def units_chart(series: Sequence[Series], siblings: Siblings | None) -> Markup:
     return svg_of(_WIDE, height + (26.0 if across.exponent else 15.0), 11.0, parts)
 
 
-def told(series: Series, point: Point) -> str:
-    """A point in words: value, uncertainty, when, where, verdict."""
+def told(series: FigureSeries, point: Point) -> str:
+    """Return a point as text: value, uncertainty, date, campaign, verdict."""
     parts = [point.started_utc[:16].replace("T", " "), stated(series, point), point.verdict, point.campaign]
     return " · ".join(part for part in parts if part)
 
 
-def stated(series: Series, point: Point) -> str:
-    """A point's value, its expanded uncertainty and its unit."""
+def stated(series: FigureSeries, point: Point) -> str:
+    """Return a point's value, its expanded uncertainty and its unit."""
     value = amount(point.value, point.uncertainty, series.unit)
     return f"{point.bound} {value}" if point.bound else value
 
 
 def amount(value: float, uncertainty: float | None, unit: str) -> str:
-    """A value as the report states it: rounded by its uncertainty, or to four digits where that is not known."""
+    """Return a value rounded by its uncertainty, or to four digits if that is not known."""
     if uncertainty is None:
         return text.with_unit(text.number(value, _DIGITS), text.unit_text(unit))
     return text.with_uncertainty(value, uncertainty, text.unit_text(unit))
 
 
 def _span(points: Sequence[Point], more: Sequence[float]) -> tuple[float, float]:
-    """The lowest and highest of values with their uncertainties, and of what else must be seen."""
+    """Return the lowest and highest of the values with their uncertainties and of `more`."""
     ends = [point.value + side * (point.uncertainty or 0.0) for point in points for side in (-1.0, 1.0)]
     return min([*ends, *more]), max([*ends, *more])
 
@@ -202,13 +202,13 @@ def _scale(up: Axis) -> Markup:
 
 
 def _narrow(label: str) -> Markup:
-    """Long labels are set narrower: their first digits must not be cut off."""
+    """Return the attribute that compresses long labels, so that their first digits are not cut off."""
     long = len(label) > _LONGEST_LABEL
     return Markup(' textLength="{}" lengthAdjust="spacingAndGlyphs"').format(_LEFT - 6.0) if long else Markup("")
 
 
 def _dates(points: Sequence[Point]) -> list[Markup]:
-    """The dates of the first and of the last point, at the ends of the axis."""
+    """Return the dates of the first and of the last point, at the ends of the axis."""
     first, last = points[0].started_utc[:10], points[-1].started_utc[:10]
     y = _HEIGHT - 4.0
     if first == last:
@@ -217,7 +217,7 @@ def _dates(points: Sequence[Point]) -> list[Markup]:
 
 
 def _mark(x: float, y: float, point: Point, error: float | None, title: Markup, *, ring: bool, upright: bool) -> Markup:
-    """A point with its error bar: a cross where it fails, hollow where it is only a bound, ringed where flagged."""
+    """Draw a point with its error bar: a cross if it fails, hollow if it is only a bound, ringed if flagged."""
     parts = [title]
     if error is not None and not point.bound:
         dx, dy = (0.0, error) if upright else (error, 0.0)

@@ -1,4 +1,4 @@
-"""The page on a history of units: a section a unit with its charts, and the units against each other."""
+"""The HTML page on a history: a section per unit with its charts, and charts that compare the units."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from benchctl.history.flags import FEWEST, Flag, Siblings
 from benchctl.history.history import Charted, History, UnitHistory
-from benchctl.history.series import SOURCES, Series, Source
+from benchctl.history.series import SOURCES, FigureSeries, Source
 from benchctl.reports import text
 from benchctl.reports.figures import Drawing
 from benchctl.reports.history_charts import amount, stated, time_chart, units_chart
@@ -21,7 +21,7 @@ _TITLES: dict[Source, str] = {"acceptance": "Acceptance tests", "coefficients": 
 
 
 def write_page_of(history: History, units: Sequence[UnitHistory], folder: Path, title: str) -> Path:
-    """Write the page, whole or not at all; its path."""
+    """Write the page atomically; return its path."""
     make_folder(folder)
     page = render(
         "history.html.j2",
@@ -66,11 +66,11 @@ def _chart(charted: Charted) -> dict[str, object]:
 
 
 def _printed(flags: Sequence[Flag]) -> list[str]:
-    return [says.replace("= -", "= −").replace("E_n = ", "Eₙ\u00a0=\u00a0") for says in sentences(flags)]
+    return [sentence.replace("= -", "= −").replace("E_n = ", "Eₙ\u00a0=\u00a0") for sentence in sentences(flags)]
 
 
 def _facts(charted: Charted) -> list[str]:
-    """What is known of a figure beside its points: limits, drift, chart."""
+    """Return the facts printed below a chart: limits, drift, number of points."""
     series, latest = charted.series, charted.series.latest
     unit = text.unit_text(series.unit)
     facts = []
@@ -93,9 +93,9 @@ def _limit(low: float | None, high: float | None, unit: str) -> str:
 
 
 def _comparisons(history: History, units: Sequence[UnitHistory]) -> list[tuple[str, list[dict[str, object]]]]:
-    """By model, a chart for each figure that two units or more have; all units of the models that were asked for."""
+    """Return for each model the charts of figures that at least two units have; all units of the model are drawn."""
     wanted = {(one.series.source, one.series.name) for unit in units for one in unit.figures}
-    found: dict[tuple[str, Source, str, str], list[Series]] = defaultdict(list)
+    found: dict[tuple[str, Source, str, str], list[FigureSeries]] = defaultdict(list)
     common: dict[tuple[str, Source, str, str], Siblings | None] = {}
     models = {unit.model for unit in units}
     for unit in history.units:

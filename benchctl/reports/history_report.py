@@ -1,4 +1,4 @@
-"""A history of units as programs and terminals are told it."""
+"""A history of units as JSON values and as lines for the terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from benchctl.closeness import meant, nearest
 from benchctl.history.flags import Flag
 from benchctl.history.history import Charted, History, UnitHistory
-from benchctl.history.series import Drift, Point, Series
+from benchctl.history.series import Drift, FigureSeries, Point
 from benchctl.limits import listed
 from benchctl.reports.history_charts import stated
 from benchctl_instruments.errors import UsageError
@@ -18,22 +18,24 @@ _MOST_DATES = 3
 _CAMPAIGN = ("path", "procedure", "started_utc", "status", "digest", "integrity")
 _POINT = ("started_utc", "value", "uncertainty", "campaign", "integrity", "bound", "temperature_c")
 MOST_PROBLEMS = 20
-"""Problems that a reader is shown; programs are told all."""
+"""Number of problems shown on a page or terminal; `--json` lists all."""
 
 
 def chosen(history: History, serial: str | None, figure: str | None) -> tuple[UnitHistory, ...]:
-    """The units, and of each the figures, that were asked for; what they are held against stays as it is.
+    """Select units and figures; the values that they are compared with do not change.
 
     Raises
     ------
     UsageError
-        Where there is no such unit or figure; names those that there are.
+        If there is no such unit or figure; the message names the available ones.
     """
     units = [unit for unit in history.units if serial is None or unit.serial == serial]
     if not units:
         serials = _once(history)
         close = nearest(str(serial), serials)
-        hint = f"; did you mean {close}?" if close else ""  # beside the others: serial numbers are all alike
+        hint = (
+            f"; did you mean {close}?" if close else ""
+        )  # in addition to the list: serial numbers resemble each other
         raise UsageError(f"--unit {serial}: there is no such unit; there are {listed(serials)}{hint}")
     names = list(dict.fromkeys(one.series.name for unit in units for one in unit.figures))
     if figure is not None and figure not in names:
@@ -57,7 +59,7 @@ def _once(history: History) -> list[str]:
 
 
 def values(history: History, units: Sequence[UnitHistory]) -> dict[str, Any]:
-    """What `--json` says of a history."""
+    """Return a history as plain data for `--json`."""
     return {
         "units": [
             {
@@ -90,7 +92,7 @@ def _figure(charted: Charted) -> dict[str, Any]:
     }
 
 
-def _point(series: Series, point: Point) -> dict[str, Any]:
+def _point(series: FigureSeries, point: Point) -> dict[str, Any]:
     known = {name: getattr(point, name) for name in _POINT}
     limit = None if point.low is None and point.high is None else {"low": point.low, "high": point.high}
     return {**known, "stated": stated(series, point), "verdict": point.verdict or None, "limit": limit}
@@ -108,7 +110,7 @@ def _drift(drift: Drift | None) -> dict[str, Any] | None:
 
 
 def lines(history: History, units: Sequence[UnitHistory]) -> str:
-    """The history for a terminal: a line for each unit, and below it what is to be looked at."""
+    """Return the history for a terminal: a line for each unit, followed by its flagged figures."""
     width = max(4, *(len(unit.serial) for unit in units))
     model = max(5, *(len(unit.model) for unit in units))
     rows = [f"{'unit':<{width}}  {'model':<{model}}  campaigns  latest            verdict"]
@@ -123,25 +125,25 @@ def lines(history: History, units: Sequence[UnitHistory]) -> str:
 
 
 def verdict_of(unit: UnitHistory) -> str:
-    """The verdict of a unit's last acceptance, with its date where a later campaign was not judged."""
+    """Return the verdict of a unit's last acceptance, with its date if a later campaign was not judged."""
     if not unit.verdict or unit.accepted_utc == unit.campaigns[-1].started_utc:
         return unit.verdict
     return f"{unit.verdict} ({unit.accepted_utc[:10]})"
 
 
 def sentences(flags: Sequence[Flag]) -> list[str]:
-    """What flags say; those of control limits in one sentence, the latest dates first."""
+    """Return the sentences of flags; those of control limits are merged into one, the latest dates first."""
     dates = [flag.says.rpartition(" ")[2] for flag in flags if flag.kind == "outside_limits"][::-1]
-    told: dict[str, None] = {}
+    texts: dict[str, None] = {}
     for flag in flags:
         if flag.kind != "outside_limits":
-            told[flag.says] = None
+            texts[flag.says] = None
             continue
         more = f" and {len(dates) - _MOST_DATES} earlier" if len(dates) > _MOST_DATES else ""
-        told[f"outside the control limits on {', '.join(dates[:_MOST_DATES])}{more}"] = None
-    return list(told)
+        texts[f"outside the control limits on {', '.join(dates[:_MOST_DATES])}{more}"] = None
+    return list(texts)
 
 
 def latest_of(unit: UnitHistory) -> str:
-    """When a unit's last campaign began, to the minute."""
+    """Return the start of a unit's last campaign, to the minute."""
     return unit.campaigns[-1].started_utc[:16].replace("T", " ")

@@ -1,4 +1,4 @@
-"""A report as one HTML file that needs nothing else: templates and style of this package, everything escaped."""
+"""Rendering of reports as self-contained HTML files from the templates and the style sheet of this package."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchctl.reports.figures import Drawing
 
 
 def render(template: str, **values: object) -> str:
-    """A page from a template of this package; text is escaped, only figures are taken as they are."""
+    """Render a template of this package; text is escaped, only figures are inserted unescaped."""
     environment = Environment(
         loader=PackageLoader("benchctl.reports", ""),
         autoescape=True,
@@ -34,11 +34,11 @@ def render(template: str, **values: object) -> str:
 
 
 def svg(drawing: Drawing) -> Markup:
-    """The figure's own SVG; its labels were escaped when matplotlib wrote it."""
+    """Return the SVG of a figure; matplotlib escaped its labels."""
     return Markup(drawing.svg)  # noqa: S704 - drawn by us, escaped by matplotlib
 
 
 def write_page(path: Path, page: str) -> None:
-    """Write a page whole or not at all; `UsageError` where the disk refuses."""
+    """Write a page atomically; raises `UsageError` if it cannot be written."""
     with whole_file(path) as temporary:
         temporary.write_text(page, encoding="utf-8", newline="\n")

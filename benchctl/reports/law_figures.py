@@ -1,4 +1,4 @@
-"""The figures of the gyro's laws, k(ω), k(T) and the bias over temperature, with their bands, and of the residuals."""
+"""Figures of the gyro's laws k(ω), k(T) and the bias over temperature, with confidence bands, and of the residuals."""
 
 from __future__ import annotations
 
@@ -23,34 +23,34 @@ from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import FloatArray
 
 _NEAR_T0_C = 1.5
-_AT_REST_DPS = 0.05  # the Earth turns by less
+_AT_REST_DPS = 0.05  # less than the Earth's rate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
-    """A function with the half-width of its 95 % band, both of shape (n,)."""
+class CurveWithBand:
+    """A function and the half-width of its 95 % band, both of shape (n,)."""
 
     value: FloatArray
     half: FloatArray
 
 
-def factor_curve(of: PolynomialFactor, argument: FloatArray) -> Curve:
-    """A factor k against ΔT, or against ω² where its powers are even; argument of shape (n,)."""
+def factor_curve(of: PolynomialFactor, argument: FloatArray) -> CurveWithBand:
+    """Return a factor k against ΔT, or against ω² if its powers are even; argument of shape (n,)."""
     powers = np.stack([argument ** (i + 1) for i in range(len(of.coefficients))], axis=-1)
     covariance = np.array(of.covariance, dtype=np.float64).reshape(len(of.coefficients), -1)
     variance = np.einsum("ni,ij,nj->n", powers, covariance, powers)
     half = coverage_factor(of.dof, 0.95) * np.sqrt(np.maximum(variance, 0.0))
-    return Curve(value=factor(of.coefficients, argument), half=half)
+    return CurveWithBand(value=factor(of.coefficients, argument), half=half)
 
 
 def bias(joint: JointFit, dt_c: FloatArray) -> FloatArray:
-    """The output at rest, by a joint fit; shape as ΔT."""
+    """Return the output at rest by a joint fit; shape as ΔT."""
     _, _, offset, terms = law_of(joint)
     return offset + factor(terms, dt_c) - 1.0
 
 
-def joint_curve(joint: JointFit, function: Callable[[Law, FloatArray], FloatArray]) -> Curve:
-    """A function of a law and its parameters, with the band that the parameters' covariance gives it."""
+def joint_curve(joint: JointFit, function: Callable[[Law, FloatArray], FloatArray]) -> CurveWithBand:
+    """Return a function of a law and its parameters with its confidence band from the parameters' covariance."""
     law, best, *_ = law_of(joint)
     order = [[parameter.name for parameter in joint.parameters].index(name) for name in law.names]
     covariance = np.asarray(joint.covariance)[np.ix_(order, order)]
@@ -63,16 +63,16 @@ def joint_curve(joint: JointFit, function: Callable[[Law, FloatArray], FloatArra
             shift[i] = step
             slopes[:, i] = (function(law, best + shift) - function(law, best - shift)) / (2 * step)
     variance = np.einsum("ni,ij,nj->n", slopes, covariance, slopes)
-    return Curve(value=value, half=Z95 * np.sqrt(np.maximum(variance, 0.0)))
+    return CurveWithBand(value=value, half=Z95 * np.sqrt(np.maximum(variance, 0.0)))
 
 
 def at_reference(result: CalibrationResult) -> npt.NDArray[np.bool_]:
-    """Which of the mean points were taken at T0, to within 1.5 °C; shape (n,)."""
+    """Return a mask (n,) of the mean points measured at T0 ± 1.5 °C."""
     return np.asarray(np.abs(result.points.temperature_c - result.T0_c) <= _NEAR_T0_C)
 
 
 def zero_reading(result: CalibrationResult, stage: Stage) -> float:
-    """The bias while k(ω) was measured: the readings at rest at T0, or U0 of the stage where there are none."""
+    """Return the bias during the measurement of k(ω): from the readings at rest at T0, else U0 of the stage."""
     points = result.points
     rest = at_reference(result) & (np.abs(points.rate_dps) < _AT_REST_DPS)
     if not rest.any():
@@ -81,7 +81,7 @@ def zero_reading(result: CalibrationResult, stage: Stage) -> float:
 
 
 def indicated(points: MeanPoints, K0: float, U0: float) -> FloatArray:
-    """The rate that a straight line reads from the means, °/s; shape (n,)."""
+    """Return the rate in °/s that a straight line gives for the means; shape (n,)."""
     return np.asarray((points.output_v - U0) / K0)
 
 
@@ -93,7 +93,7 @@ _LEAST_RATE_SHARE = 0.05
 
 
 def output_figure(result: CalibrationResult) -> Figure | None:
-    """Output against rate at T0, and its distance from the straight line; None without rates at T0."""
+    """Plot output against rate at T0, and its deviation from the straight line; None without rates at T0."""
     points, here = result.points, at_reference(result)
     if np.unique(points.rate_dps[here]).size < 3:
         return None
@@ -120,7 +120,7 @@ def output_figure(result: CalibrationResult) -> Figure | None:
 
 
 def k_omega_figure(result: CalibrationResult) -> Figure | None:
-    """k(ω) at T0 with points and 95 % bands, and the same less the last fit's curve; None without enough points."""
+    """Plot k(ω) at T0 with points and 95 % bands, and its deviation from the last fit; None with too few points."""
     if not result.stages or not result.stages[0].k_omega.coefficients:
         return None
     stage, points, here = result.stages[0], result.points, at_reference(result)
@@ -144,7 +144,7 @@ def k_omega_figure(result: CalibrationResult) -> Figure | None:
     reference = curves.get("joint", curves["stage_1"]).value
     for level, curve in curves.items():
         _band(left, grid, curve, level, label=labels[level])
-        _band(right, grid, Curve(value=curve.value - reference, half=curve.half), level)
+        _band(right, grid, CurveWithBand(value=curve.value - reference, half=curve.half), level)
     for axes, y in ((left, measured), (right, measured - np.interp(x, grid, reference))):
         axes.errorbar(x, y, yerr=error, **_POINTS, label="measured, 95 % interval")
         axes.set_xlabel("|indicated rate| (°/s)")
@@ -157,7 +157,7 @@ def k_omega_figure(result: CalibrationResult) -> Figure | None:
 
 
 def k_temperature_figure(result: CalibrationResult) -> Figure | None:
-    """k(T) and the bias over temperature, with points and 95 % bands; None where there is one temperature only."""
+    """Plot k(T) and the bias over temperature, with points and 95 % bands; None for a single temperature."""
     found = result.temperatures
     if len(found) < 2 or not result.stages:
         return None
@@ -208,13 +208,13 @@ def _volts(joint: JointFit, rate_dps: FloatArray, dt_c: FloatArray) -> FloatArra
     return np.asarray(bias(joint, dt_c) + law.volts(parameters, rate_dps, dt_c))
 
 
-def _joint_k_omega(joint: JointFit, x: FloatArray, K0: float) -> Curve:
-    """True rate by the joint fit over the rate that K0 indicates, at T0, the bias taken off."""
+def _joint_k_omega(joint: JointFit, x: FloatArray, K0: float) -> CurveWithBand:
+    """Return the true rate by the joint fit divided by the rate that K0 indicates, at T0, with the bias subtracted."""
     return joint_curve(joint, lambda law, parameters: law.rate(parameters, K0 * x, np.zeros_like(x)) / x)
 
 
 def _joint_k_t(law: Law, parameters: FloatArray, dt_c: FloatArray) -> FloatArray:
-    """The correction for temperature that a law stands for: 1 at T0, the reverse of a response."""
+    """Return the temperature correction of a law: 1 at T0, the reciprocal for a response."""
     warm = parameters[1 + law.rate_terms :]
     powers = 1 + sum((c * dt_c ** (i + 1) for i, c in enumerate(warm)), np.zeros_like(dt_c))
     return np.asarray(powers if law.convention == "correction" else 1 / powers)
@@ -225,7 +225,7 @@ def _points(axes: Axes, x: FloatArray, y: FloatArray, label: str | None = None) 
 
 
 def _band(
-    axes: Axes, x: FloatArray, curve: Curve, level: str, *, label: str | None = None, linestyle: str = "-"
+    axes: Axes, x: FloatArray, curve: CurveWithBand, level: str, *, label: str | None = None, linestyle: str = "-"
 ) -> None:
     axes.fill_between(
         x, curve.value - curve.half, curve.value + curve.half, color=LEVEL_COLOURS[level], alpha=0.25, lw=0
@@ -233,8 +233,8 @@ def _band(
     axes.plot(x, curve.value, color=LEVEL_COLOURS[level], linestyle=linestyle, label=label)
 
 
-def _in_percent(curve: Curve) -> Curve:
-    return Curve(value=100 * (curve.value - 1), half=100 * curve.half)
+def _in_percent(curve: CurveWithBand) -> CurveWithBand:
+    return CurveWithBand(value=100 * (curve.value - 1), half=100 * curve.half)
 
 
 _BINS = 24
@@ -242,15 +242,15 @@ _FEWEST_FOR_A_HISTOGRAM = 50
 
 
 def last_level(result: CalibrationResult) -> str | None:
-    """The last level of the path that was reached."""
+    """Return the last level for which there are residuals."""
     reached = level_names(tuple(result.residuals.residual_dps))
     return reached[-1] if reached else None
 
 
 def final_residuals_figure(result: CalibrationResult, level: str) -> Figure:
-    """Residuals of one level in 0.001 °/s: with binned means against rate and acceleration, and their distribution.
+    """Plot residuals of one level in 0.001 °/s, binned means against rate and acceleration, and the distribution.
 
-    Drawn are the runs kept aside, or all where there are none.
+    Shows the held-out runs, or all runs if none was held out.
     """
     left = result.residuals
     shown = left.verify if left.verify.any() else np.ones_like(left.verify)
@@ -301,7 +301,7 @@ def _histogram(axes: Axes, residual: FloatArray, colour: str) -> None:
 
 
 def _named(panels: Sequence[Axes]) -> list[Artist]:
-    """What bears a label, each label once."""
+    """Return the artists that have a label, each label once."""
     found: dict[str, Artist] = {}
     for axes in panels:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):

@@ -1,6 +1,6 @@
-"""How a mismatch between a recording and models of it is drawn: along a coordinate, step by step, in an excerpt.
+"""Figures of the mismatch between a recording and models of it: along a coordinate, per step, in an excerpt.
 
-Every drawing shows any number of models, each with one colour and one marker throughout.
+Every figure shows any number of models; each has the same colour and marker throughout.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _SHORT_S = 600.0
 _FEWEST_LABELS = 3
 _FINE_LABELS = (1, 1.2, 1.4, 1.6, 1.8, 2, 2.2, 2.5, 3, 3.5, 4, 4.5, 5, 6, 7, 8, 9)
 _BLOCKS, _LEAST_BLOCK = 200, 8
-"""Means of an excerpt that are drawn as a line through its points, and of how many points at least."""
+"""Number of means that form the line through an excerpt's points, and the minimum of points per mean."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """How one model is drawn, everywhere."""
+    """The style of one model in all figures."""
 
     label: str
     colour: str
@@ -43,7 +43,7 @@ class Look:
 
     @property
     def key(self) -> Line2D:
-        """Its entry in a legend of lines."""
+        """The entry of the model in a legend of lines."""
         return Line2D(
             [],
             [],
@@ -64,13 +64,13 @@ _SPOILT: dict[str, Any] = {"color": "#b3261e", "marker": "x", "markersize": 3.0,
 
 
 def spoilt_key() -> Line2D:
-    """The entry of spoilt samples in a legend."""
+    """Return the legend entry of spoilt samples."""
     return Line2D([], [], label="spoilt, left out", **_SPOILT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepMark:
-    """A step in the strip: when it began [s], and whether it is shaded."""
+    """A step in the figure of all steps: its start [s], and whether it is shaded."""
 
     t_start: float
     shaded: bool = False
@@ -86,9 +86,9 @@ def along(
     *,
     chance: FloatArray | None = None,
 ) -> float:
-    """Means (m,) of residuals [unit] in bins with m+1 edges, NaN where empty, ± their error; `chance` as a band.
+    """Plot means (m,) of residuals [unit] in bins with m+1 edges, NaN if empty, ± their error; `chance` is a band.
 
-    Returns the factor by which `unit` was multiplied, so that more can be drawn.
+    Returns the factor by which `unit` was multiplied, for additional curves.
     """
     largest = np.nanmax(np.abs([np.zeros(error.size), *(mean for _, mean in means)]))
     factor, shown = words.scaled(unit, float(largest))
@@ -120,7 +120,7 @@ def along(
 
 
 def bin_middles(coordinate: str, edges: FloatArray) -> FloatArray:
-    """Where a bin's mean is drawn: half way, on a logarithmic axis too; m+1 edges to (m,)."""
+    """Return the midpoints of bins, geometric on a logarithmic axis; m+1 edges to (m,)."""
     if _is_logarithmic(coordinate, edges):
         return np.sqrt(edges[1:] * edges[:-1])
     return (edges[1:] + edges[:-1]) / 2
@@ -129,7 +129,7 @@ def bin_middles(coordinate: str, edges: FloatArray) -> FloatArray:
 def step_by_step(
     axes: Axes, marks: Sequence[StepMark], rms: Sequence[tuple[Look, FloatArray]], noise: float, unit: str, shade: str
 ) -> None:
-    """Rms (m,) of every step's residual [unit], in their order, on a logarithmic scale; `shade` says what is shaded."""
+    """Plot the rms (m,) of each step's residual [unit] on a logarithmic scale; `shade` names the shaded steps."""
     place = np.arange(1, len(marks) + 1)
     factor, shown = words.scaled(unit, max(noise, *(float(np.median(values)) for _, values in rms)))
     for at, mark in zip(place, marks, strict=True):
@@ -168,9 +168,9 @@ def excerpt(
     *,
     spoilt: BoolArray | None = None,
 ) -> None:
-    """A short part of a step: the output with the models' on one, what they leave on the other; arrays (n,).
+    """Plot a part of a step: measured and modelled output on one axis, residuals on the other; arrays (n,).
 
-    Samples that are `spoilt` are marked on the one and left out of the other.
+    Samples that are `spoilt` are marked in the first and omitted from the second.
     """
     time_s = time_s - time_s[0]
     dots(output, time_s, measured, INK)
@@ -207,7 +207,7 @@ def _clock(seconds: float) -> str:
 
 
 def _label_less_than_a_decade(axes: Axes) -> None:
-    """Where little more than a decade is seen, a logarithmic axis needs more labels than its powers of ten."""
+    """Label a logarithmic axis that spans little more than a decade at more values than powers of ten."""
     low, high = axes.get_ylim()
     if high / low < 100:
         powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
@@ -221,22 +221,22 @@ def _label_less_than_a_decade(axes: Axes) -> None:
 
 
 ONLY = replace(AFTER, label="model, its own parameters refitted")
-"""How the one model is drawn where nothing was found that changes what it predicts."""
+"""The style of the only model, if no finding changes its predictions."""
 _BEYOND = "#b3261e"
 _COLUMNS = 3
 
 
 def significance(of: Slice, mean_v: FloatArray) -> float:
-    """The largest |mean| over its standard error in any bin that holds samples; 0 where none does."""
+    """Return the largest |mean| in units of its standard error over all bins with samples; 0 without samples."""
     ratio = _in_errors(of, mean_v)
     ratio = ratio[np.isfinite(ratio)]
     return float(ratio.max()) if ratio.size else 0.0
 
 
 def map_figure(slices: Sequence[Slice], unit: str, *, changed: bool = True) -> Figure:
-    """A panel a coordinate: means of the residual with their standard errors, before and after, and what is chance.
+    """Draw a panel per coordinate: means of the residual with standard errors, before and after, and the chance level.
 
-    Where nothing `changed` there is one model only; so in the other figures.
+    If nothing `changed`, only one model is drawn; the same applies to the other figures.
     """
     rows = math.ceil(len(slices) / _COLUMNS)
     figure = new_figure(0.35 + 1.5 * rows)
@@ -256,7 +256,7 @@ def map_figure(slices: Sequence[Slice], unit: str, *, changed: bool = True) -> F
 def steps_figure(
     steps: Sequence[StepFigures], noise: float, unit: str, *, changed: bool = True, came: bool = True
 ) -> Figure:
-    """Rms of each step's residual, in the order of time: as the model `came`, refitted, and with the findings."""
+    """Plot the rms of each step's residual over time: of the model as it `came`, refitted, and with the findings."""
     ordered = sorted(steps, key=lambda step: step.t_start)
     figure = new_figure(2.4)
     models = [(AFTER if changed else ONLY, np.array([step.after for step in ordered]))]
@@ -276,7 +276,7 @@ def steps_figure(
 
 
 def traces_figure(traces: Sequence[Trace], unit: str, *, changed: bool = True) -> Figure:
-    """Excerpts, a row each: the output with the predictions, and what these leave of the samples that count."""
+    """Plot excerpts, one per row: the output with the predictions, and the residuals of the samples used."""
     figure = new_figure(0.35 + 1.55 * len(traces))
     grid = figure.subplots(len(traces), 2, squeeze=False, width_ratios=(1.0, 1.8))
     for (output, left), trace in zip(grid, traces, strict=True):
@@ -289,12 +289,12 @@ def traces_figure(traces: Sequence[Trace], unit: str, *, changed: bool = True) -
 
 
 def curve_figure(of: StructureModel, unit: str) -> Figure:
-    """What held-out steps ask of a structure with its function and the band of that, and what it leaves of them."""
+    """Plot an empirical model against the values from held-out steps with its band, and the residual in them."""
     curve = of.curve
     if curve is None:
         raise ValueError(f"{of.identifier}: there is no curve to draw")
     factor, per = next(acts.printed for stage, acts in ACTS.items() if stage == of.stage)
-    per = unit if of.stage == "torque" else per  # a load may have a unit of its own
+    per = unit if of.stage == "torque" else per  # the unit of a load may differ
     figure = new_figure(2.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     upper.fill_between(curve.along, factor * curve.low, factor * curve.high, color=BAND, linewidth=0)
@@ -318,7 +318,7 @@ def curve_figure(of: StructureModel, unit: str) -> Figure:
 
 
 def name_excerpts(figure: Figure, keys: Sequence[Line2D]) -> None:
-    """Label the time axes of the lowest row of excerpts, and say what is drawn."""
+    """Label the time axes of the lowest row of excerpts, and add the legend."""
     for axes in figure.axes[-2:]:
         axes.set_xlabel("time in the excerpt (s)")
     measured = Line2D([], [], color=INK, marker=".", linestyle="none", label="measured")
@@ -346,7 +346,7 @@ def _panel(axes: Axes, of: Slice, unit: str, changed: bool) -> None:
 
 
 def _in_errors(of: Slice, mean_v: FloatArray) -> FloatArray:
-    """|mean| in standard errors, (m,); NaN in bins without samples."""
+    """Return |mean| in standard errors, (m,); NaN in bins without samples."""
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio: FloatArray = np.where(of.count > 0, np.abs(mean_v) / of.standard_error, np.nan)
     return ratio

@@ -1,4 +1,4 @@
-"""The error from one straight line to the joint fit, against rate, temperature and time; and of each run, in rows."""
+"""Figures of the error at each level, from the straight line to the joint fit, and the table of runs."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ _ONE_TEMPERATURE_C = 1.0
 
 
 def shown_runs(result: CalibrationResult) -> list[RunErrors]:
-    """The runs in motion that an error is shown for: those kept aside, or all where there are none."""
+    """Return the runs in motion whose error is shown: the held-out runs, or all if none was held out."""
     moving = [run for run in result.runs if run.peak_rate_dps > 0 and run.error_percent]
     return [run for run in moving if run.role == "verify"] or moving
 
 
 def levels_figure(result: CalibrationResult) -> Figure:
-    """The largest error of each level in percent, on one logarithmic axis: against |rate|, temperature, time."""
+    """Plot the largest error of each level in percent, on one logarithmic axis: against |rate|, temperature, time."""
     runs, left = shown_runs(result), result.residuals
     levels = level_names(tuple(left.residual_dps))
     hours = _hours(left, runs)
@@ -59,7 +59,7 @@ def levels_figure(result: CalibrationResult) -> Figure:
 
 
 def residual_rows_figure(result: CalibrationResult) -> Figure:
-    """What is left in °/s: a row a level, each with its own scale, against rate, temperature and time."""
+    """Plot residuals in °/s against rate, temperature and time: one row per level, each with its own scale."""
     left = result.residuals
     levels = level_names(tuple(left.residual_dps))
     coordinates = {"rate (°/s)": left.rate_dps, "temperature (°C)": left.temperature_c, "time (h)": left.time_s / 3600}
@@ -87,7 +87,7 @@ def _scatter(axes: Axes, x: FloatArray, y: FloatArray, verify: npt.NDArray[np.bo
 
 
 def _percent(left: Residuals, runs: list[RunErrors], level: str) -> FloatArray:
-    """The residual in percent of the run's largest rate; NaN in runs that are not shown; shape (n,)."""
+    """Return the residual in percent of the run's largest rate; NaN in runs that are not shown; shape (n,)."""
     peak = np.full(int(left.step.max(initial=0)) + 1, np.nan)
     for run in runs:
         peak[run.step] = run.peak_rate_dps
@@ -95,7 +95,7 @@ def _percent(left: Residuals, runs: list[RunErrors], level: str) -> FloatArray:
 
 
 def _hours(left: Residuals, runs: list[RunErrors]) -> list[float]:
-    """When each run was, h. A step may have been cut into several runs: the n-th is its n-th unbroken stretch."""
+    """Return the time of each run, h. A step may be cut into several runs: the n-th is its n-th contiguous part."""
     edges = np.flatnonzero(np.diff(left.step) | np.diff(left.verify)) + 1
     stretches: dict[tuple[int, bool], list[float]] = {}
     for stretch in np.split(np.arange(left.step.size), edges):
@@ -128,19 +128,19 @@ _MOST_RUNS = 60
 
 
 def run_table(result: CalibrationResult, infos: Sequence[StepInfo]) -> dict[str, object] | None:
-    """The runs kept aside, or the fitted ones where there are none; None without runs."""
+    """Return the table of the held-out runs, or of the fitted ones if none was held out; None without runs."""
     runs = shown_runs(result)
     if not runs:
         return None
     levels = tuple(level_names(tuple({level for run in runs for level in run.error_percent})))
-    asked = {info.index: info for info in infos}
+    by_index = {info.index: info for info in infos}
     lines = [
         {
             "step": run.step,
-            "kind": kind_name(asked[run.step].kind if run.step in asked else run.kind),
+            "kind": kind_name(by_index[run.step].kind if run.step in by_index else run.kind),
             "temperature": text.plain(run.temperature_c),
             "peak_rate": text.plain(run.peak_rate_dps),
-            "frequency": text.plain(asked[run.step].frequency_hz if run.step in asked else None, decimals=3),
+            "frequency": text.plain(by_index[run.step].frequency_hz if run.step in by_index else None, decimals=3),
             "errors": tuple(
                 (text.number(run.error_percent.get(level), 2), text.number(run.rms_percent.get(level), 2))
                 for level in levels

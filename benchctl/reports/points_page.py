@@ -1,4 +1,4 @@
-"""The report on a table of static points: what a line and a sine make of it, and what the points at rest do."""
+"""The report on a table of static points: fits of a straight line and a sine, and the points at rest."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from benchctl.reports.html import render, write_page
 def write_static_points_report(
     path: Path, result: StaticPointsResult, points: StaticPoints, meta: Meta, *, digest: str
 ) -> None:
-    """Write the page, whole or not at all; `digest` is the recording's. Raises `UsageError` where the disk refuses."""
+    """Write the page atomically; `digest` is the recording's. Raises `UsageError` if the file cannot be written."""
     write_page(path, static_points_page(result, points, meta, digest=digest))
 
 
 def static_points_page(result: StaticPointsResult, points: StaticPoints, meta: Meta, *, digest: str) -> str:
-    """The page as text; the same input gives the same bytes."""
+    """Return the page as text. The same input gives the same bytes."""
     output_unit = text.unit_text(meta.output_unit)
     return render(
         "points.html.j2",
@@ -55,16 +55,16 @@ def _sentence(result: StaticPointsResult) -> str:
 
 
 def _facts(points: StaticPoints, meta: Meta) -> list[tuple[str, str]]:
-    told = [("Points", text.count(points.rate_dps.size))]
+    rows = [("Points", text.count(points.rate_dps.size))]
     if points.run is not None:
-        told.append(("Runs", text.count(len(set(points.run.tolist())))))
+        rows.append(("Runs", text.count(len(set(points.run.tolist())))))
     if points.temperature_c is not None:
         ends = float(points.temperature_c.min()), float(points.temperature_c.max())
-        told.append(("Temperature", text.span(*ends, "°C")))
+        rows.append(("Temperature", text.span(*ends, "°C")))
     if points.duration_s is not None:
-        told.append(("Each mean over", text.span(float(points.duration_s.min()), float(points.duration_s.max()), "s")))
+        rows.append(("Each mean over", text.span(float(points.duration_s.min()), float(points.duration_s.max()), "s")))
     left_out = ("Samples", "Duration", "Sample rate")  # a table of means has none
-    return [(name, value) for name, value in setup_section.facts(meta, []) if name not in left_out] + told
+    return [(name, value) for name, value in setup_section.facts(meta, []) if name not in left_out] + rows
 
 
 def _drawing(result: StaticPointsResult, points: StaticPoints, output_unit: str) -> Drawing:
@@ -79,7 +79,7 @@ def _drawing(result: StaticPointsResult, points: StaticPoints, output_unit: str)
 
 
 def coefficients(fit: PointsFit, output_unit: str) -> list[Coefficient]:
-    """The parameters of the sine law with their expanded uncertainties."""
+    """Return the parameters of the sine law with their expanded uncertainties."""
     return [
         _row(fit, "K0", fit.K0_v_per_dps, fit.K0_ci95, text.scale_unit(output_unit), "scale factor at low rates"),
         _row(fit, "U0", fit.U0_v, fit.U0_ci95, output_unit, "output at rest, by the rotating points"),
@@ -100,7 +100,7 @@ def _fits(result: StaticPointsResult) -> list[dict[str, object]]:
 
 
 def _spreads(result: StaticPointsResult, output_unit: str) -> str:
-    """How much the samples behind the means scatter, at rest and in rotation; empty where nobody stated it."""
+    """Return the scatter of the samples behind the means, at rest and in rotation; empty if it is not known."""
     if not (math.isfinite(result.rest_std_v) and math.isfinite(result.rotating_std_v)):
         return ""
     rest, rotating = (
@@ -115,7 +115,7 @@ _LINE, _SINE = "raw", "joint"
 
 
 def points_figure(result: StaticPointsResult, points: StaticPoints, output_unit: str) -> Figure:
-    """Means against commanded rate with line and sine through the rotating points, and what these leave in °/s."""
+    """Plot means against commanded rate with line and sine through the rotating points, and the residuals in °/s."""
     fit, rate = result.rotating, points.rate_dps
     grid = np.linspace(rate.min(), rate.max(), _CURVE_POINTS)
     figure = new_figure(2.7)

@@ -1,4 +1,4 @@
-"""The report on a proof: the table by class, the confusion matrix, and every trial that was not right."""
+"""The report on a proof: the table by class, the confusion matrices, and all trials with a wrong answer."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from benchctl.reports.html import render, write_page
 
 
 def lines(summary: Summary) -> Iterator[str]:
-    """The table by class, then what the answers come to over all trials."""
-    beside = summary.generic is not None
+    """Yield the table by class, then the figures over all trials."""
+    compared = summary.generic is not None
     head = f"{'':<30} {'right':>12} {'verdict':>12}"
-    yield head + (f" {'sparse regr.':>14}" if beside else "")
+    yield head + (f" {'sparse regr.':>14}" if compared else "")
     for row in summary.classes:
         yield _class_line(row)
     yield ""
@@ -34,7 +34,7 @@ def lines(summary: Summary) -> Iterator[str]:
 
 
 def lines_on(values: Mapping[str, Any]) -> Iterator[str]:
-    """Trials on a real recording, by effect and over all; `values` as `--json` gives them."""
+    """Yield the results of trials on a real recording, by effect and in total; `values` is the data for `--json`."""
     yield f"untouched: {', '.join(values['untouched']) or 'nothing found'}"
     yield f"{'':<34} {'named':>10} {'smallest named':>16} {'largest missed':>16}   (rms, by what is left untouched)"
     for row in values["effects"]:
@@ -49,7 +49,7 @@ def lines_on(values: Mapping[str, Any]) -> Iterator[str]:
 
 
 def percent(share: Share) -> str:
-    """A share as people read it: `29 of 30 (97 %)`."""
+    """Return a share as text: `29 of 30 (97 %)`."""
     return f"{share} ({100 * share.value:.0f} %)" if share.value is not None else "none"
 
 
@@ -79,9 +79,9 @@ REPORT, PICTURE = "proof.html", "confusion.png"
 
 
 def write_proof_report(folder: Path, summary: Summary) -> Mapping[str, Path]:
-    """Write the page and, where anything was answered, the picture; where they are, by what they are.
+    """Write the page and, if there are answers, the picture; return their paths by kind.
 
-    Raises `UsageError` where the disk refuses.
+    Raises `UsageError` if a file cannot be written.
     """
     written = {"report": folder / REPORT}
     if arms := _arms(summary):
@@ -92,7 +92,7 @@ def write_proof_report(folder: Path, summary: Summary) -> Mapping[str, Path]:
 
 
 def proof_page(summary: Summary) -> str:
-    """The page as text; the same trials give the same bytes, their times apart."""
+    """Return the page as text. The same trials give the same bytes, except for times."""
     return render(
         "proof.html.j2",
         summary=summary,
@@ -105,7 +105,7 @@ def proof_page(summary: Summary) -> str:
 
 
 def _arms(summary: Summary) -> list[tuple[str, Confusion]]:
-    """The arms that answered, with their matrices."""
+    """Return the methods that gave answers, with their confusion matrices."""
     arms = [("Diagnosis", summary.confusion), ("Sparse regression", summary.generic_confusion)]
     return [(name, matrix) for name, matrix in arms if matrix is not None and matrix.rows]
 
@@ -128,7 +128,7 @@ def _wrong(trial: Trial) -> dict[str, object]:
         for name, values in trial.truth["effects"].items()
     )
     found = trial.physics
-    said = found.error or "; ".join(
+    answer = found.error or "; ".join(
         part
         for part in (
             found.verdict,
@@ -137,7 +137,7 @@ def _wrong(trial: Trial) -> dict[str, object]:
         )
         if part
     )
-    return {"index": trial.index, "kind": CLASSES[trial.kind].says, "drawn": drawn or "nothing", "said": said}
+    return {"index": trial.index, "kind": CLASSES[trial.kind].says, "drawn": drawn or "nothing", "said": answer}
 
 
 _MARGIN_IN, _CELL_IN, _LABELS_IN = 0.4, 0.17, 1.5
@@ -148,7 +148,7 @@ _DARK = 0.55
 
 
 def confusion_figure(arms: list[tuple[str, Confusion]]) -> Figure:
-    """One matrix below the other, each with its title; none of them empty. Colours are shares of what was drawn."""
+    """Draw the matrices, none of them empty, below each other with titles. Colours are shares of what was drawn."""
     heights = [_LABELS_IN + _CELL_IN * len(matrix.rows) + _MARGIN_IN for _, matrix in arms]
     figure = Figure(figsize=(WIDTH_IN, sum(heights)), layout="constrained")
     parts = figure.subplots(len(arms), 1, squeeze=False, height_ratios=heights)[:, 0]
@@ -158,7 +158,7 @@ def confusion_figure(arms: list[tuple[str, Confusion]]) -> Figure:
 
 
 def write_confusion(path: Path, arms: list[tuple[str, Confusion]]) -> None:
-    """Write the picture as PNG, whole or not at all; `UsageError` where the disk refuses."""
+    """Write the picture as PNG, atomically; raises `UsageError` if it cannot be written."""
     with style(), whole_file(path) as temporary:
         confusion_figure(arms).savefig(temporary, format="png", dpi=_DPI, metadata={"Software": None})
 

@@ -1,4 +1,4 @@
-"""Many points made few without losing what a reader looks for: extremes stay, means get their uncertainty."""
+"""Data reduction for figures: thinning that keeps extremes, and binned means with their uncertainty."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _COLUMNS = 150
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bins:
-    """Values y in bins of x, empty bins left out; all arrays of shape (k,).
+    """Values y in bins of x, without empty bins; all arrays of shape (k,).
 
-    `mean_se` is the standard error of the mean, taking the values of a bin as independent.
+    `mean_se` is the standard error of the mean for independent values.
     """
 
     centre: FloatArray
@@ -26,7 +26,7 @@ class Bins:
 
 
 def thinned(x: FloatArray, y: FloatArray) -> IntArray:
-    """Rising indices of points worth drawing: every n-th, and the highest and lowest y in each of 150 columns of x."""
+    """Return rising indices of the points to draw: every n-th, and highest and lowest y in each of 150 bins of x."""
     finite = np.flatnonzero(np.isfinite(x) & np.isfinite(y)).astype(np.int64)
     if finite.size <= _MOST_POINTS:
         return finite
@@ -39,7 +39,7 @@ def thinned(x: FloatArray, y: FloatArray) -> IntArray:
 
 
 def binned(x: FloatArray, y: FloatArray, bins: int) -> Bins:
-    """Values in equal bins of x; points that are not finite are left out. Both of shape (n,)."""
+    """Return values in equal bins of x; points that are not finite are left out. Both of shape (n,)."""
     finite = np.isfinite(x) & np.isfinite(y)
     x, y = x[finite], y[finite]
     if x.size == 0:
@@ -59,7 +59,7 @@ def binned(x: FloatArray, y: FloatArray, bins: int) -> Bins:
 
 
 def spread(values: FloatArray) -> float:
-    """Largest less smallest of what is finite; 0 where nothing is."""
+    """Return the largest less the smallest finite value; 0 without any."""
     finite = values[np.isfinite(values)]
     return float(np.ptp(finite)) if finite.size else 0.0
 

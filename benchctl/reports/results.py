@@ -1,4 +1,4 @@
-"""Where results land, and which recording they are of."""
+"""The folder of results, and the digest and name of the recording that they belong to."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchctl_instruments.errors import UsageError, reason
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder for results; raises `UsageError` where it cannot be made or written to."""
+    """Create a folder for results; raises `UsageError` if it cannot be created or written to."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as err:
@@ -23,9 +23,9 @@ def make_folder(folder: Path) -> None:
 
 
 def source_digest(recording: Recording) -> str:
-    """Our own digest, or those of the files that a foreign recording came in.
+    """Return the recording's own digest, or those of the source files of an imported recording.
 
-    Raises `UsageError` where the recording names those files in another way than an import does.
+    Raises `UsageError` if the list of those files does not have the format of an import.
     """
     if recording.digest:
         return recording.digest
@@ -38,15 +38,15 @@ def source_digest(recording: Recording) -> str:
 
 
 def may_be_made(folder: Path) -> bool:
-    """Whether results could be written there, as far as permissions tell; nothing is made."""
+    """Return whether results could be written to a folder, judged by permissions; nothing is created."""
     there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     return there.is_dir() and os.access(there, os.W_OK | os.X_OK)
 
 
 def results_folder(path: Path, kind: str = "diagnosis") -> Path:
-    """Where the results on a recording land: in a campaign's folder; else in one of its name, and their `kind`.
+    """Return the folder of the results on a recording: the campaign's folder, or one with its name and their `kind`.
 
-    That lies beside a file; an open recording is somebody else's, and its results land in the current folder.
+    The latter is next to a file; for an open recording, which is not ours, it is in the current folder.
     """
     if path.is_dir():
         return Path(f"{name_of(path)}.{kind}") if _is_open(path) else path
@@ -54,7 +54,7 @@ def results_folder(path: Path, kind: str = "diagnosis") -> Path:
 
 
 def name_of(path: Path) -> str:
-    """The name of a recording without its way: of a campaign that of its folder."""
+    """Return the name of a recording without its path; of a campaign the name of its folder."""
     path = path.resolve()
     return path.parent.name if path.name == RECORDING else path.name
 

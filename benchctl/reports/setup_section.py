@@ -1,4 +1,4 @@
-"""Where, when and how a recording was made, in rows that a page prints."""
+"""Rows of a page that describe where, when and how a recording was made."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _KIND_NAMES: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Instrument:
-    """An instrument of the bench: what it is, who it says that it is, until when it is calibrated."""
+    """An instrument of the bench with its identification and the end of its calibration."""
 
     role: str
     model: str
@@ -35,21 +35,21 @@ class Instrument:
 
 
 def kind_name(kind: str) -> str:
-    """A kind of step in words."""
+    """Return a kind of step in words."""
     return _KIND_NAMES.get(kind, kind.replace("_", " "))
 
 
 def facts(meta: Meta, infos: Sequence[StepInfo]) -> list[tuple[str, str]]:
-    """Names and values of what describes the set-up; what is not known is left out."""
-    told, bench = meta.provenance, meta.bench
+    """Return names and values that describe the set-up; unknown values are left out."""
+    stated, bench = meta.provenance, meta.bench
     recorded = [info for info in infos if info.samples]
     rows = [
         ("Gyro", " ".join(part for part in (meta.unit.model, f"serial {meta.unit.serial}") if part)),
         ("Rated range", f"±{text.plain(meta.unit.range_dps, '°/s')}" if meta.unit.range_dps else ""),
-        ("Bench", told.get("bench", "")),
-        ("Operator", told.get("operator", "")),
-        ("Started", _utc(told.get("started_utc", ""))),
-        ("Procedure", told.get("procedure", "")),
+        ("Bench", stated.get("bench", "")),
+        ("Operator", stated.get("operator", "")),
+        ("Started", _utc(stated.get("started_utc", ""))),
+        ("Procedure", stated.get("procedure", "")),
         ("Parameters", ", ".join(f"{name} = {_listed(value)}" for name, value in parameters(meta).items())),
         ("Duration", text.duration(max(i.t_end for i in infos) - min(i.t_start for i in infos)) if infos else ""),
         ("Samples", f"{text.count(sum(i.samples for i in infos))} in {len(recorded)} recorded steps of {len(infos)}"),
@@ -57,44 +57,44 @@ def facts(meta: Meta, infos: Sequence[StepInfo]) -> list[tuple[str, str]]:
         ("Encoder", _encoder(meta)),
         ("Converter", f"{bench.adc_bits} bits over ±{text.plain(bench.adc_range_v, 'V')}" if bench.adc_bits else ""),
         ("Latitude", text.plain(bench.latitude_deg, "°", 3) if bench.latitude_deg is not None else ""),
-        ("Treatment of the import", told.get("treatment", "")),
+        ("Treatment of the import", stated.get("treatment", "")),
     ]
     return [(name, value) for name, value in rows if value]
 
 
 def sample_rate_hz(meta: Meta, infos: Sequence[StepInfo]) -> float:
-    """The rate at which the steps were sampled; where they differ or do not state it, the one that was asked for."""
+    """Return the sample rate of the steps; if they differ or do not state it, the requested one."""
     rates_hz = {info.sample_rate_hz for info in infos if info.samples}
     return (rates_hz.pop() if len(rates_hz) == 1 else None) or meta.bench.sample_rate_hz
 
 
 def parameters(meta: Meta) -> dict[str, object]:
-    """The procedure's parameters by name."""
+    """Return the procedure's parameters by name."""
     return _mapping(meta.provenance.get("parameters", ""))
 
 
 def instruments(meta: Meta) -> list[Instrument]:
-    """The instruments that the recording names."""
+    """Return the instruments that the recording names."""
     found = []
-    for role, told in _mapping(meta.provenance.get("instruments", "")).items():
-        told = told if isinstance(told, dict) else {}
-        maker, model = (str(told.get(key) or "") for key in ("manufacturer", "model"))
+    for role, described in _mapping(meta.provenance.get("instruments", "")).items():
+        described = described if isinstance(described, dict) else {}
+        maker, model = (str(described.get(key) or "") for key in ("manufacturer", "model"))
         found.append(
             Instrument(
                 role=role.replace("_", " "),
-                model=" ".join(part for part in (maker, model or str(told.get("driver") or "")) if part)
+                model=" ".join(part for part in (maker, model or str(described.get("driver") or "")) if part)
                 or text.NOT_KNOWN,
-                serial=str(told.get("bench_serial") or told.get("serial") or text.NOT_KNOWN),
-                firmware=str(told.get("firmware") or text.NOT_KNOWN),
-                calibrated_until=str(told.get("calibrated_until") or "not stated"),
-                certificate=str(told.get("certificate") or text.NOT_KNOWN),
+                serial=str(described.get("bench_serial") or described.get("serial") or text.NOT_KNOWN),
+                firmware=str(described.get("firmware") or text.NOT_KNOWN),
+                calibrated_until=str(described.get("calibrated_until") or "not stated"),
+                certificate=str(described.get("certificate") or text.NOT_KNOWN),
             )
         )
     return found
 
 
 def provenance(meta: Meta, digest: str) -> list[tuple[str, str]]:
-    """Digests, and programs with their versions."""
+    """Return the digests, and the programs with their versions."""
     rows = [
         ("Recording, SHA-256", digest),
         ("Procedure, SHA-256", meta.provenance.get("procedure_sha256", "")),
@@ -104,7 +104,7 @@ def provenance(meta: Meta, digest: str) -> list[tuple[str, str]]:
 
 
 def step_groups(infos: Sequence[StepInfo], uses: Mapping[int, str]) -> list[dict[str, object]]:
-    """The steps summed up by kind and use, in the order in which they first come; `uses` says what became of each."""
+    """Summarize the steps by kind and use, in order of first occurrence; `uses` gives the use of each step."""
     groups: dict[tuple[str, str], list[StepInfo]] = {}
     for info in infos:
         groups.setdefault((info.kind, uses.get(info.index, "not used")), []).append(info)
@@ -123,7 +123,7 @@ def step_groups(infos: Sequence[StepInfo], uses: Mapping[int, str]) -> list[dict
 
 
 def cut_steps(infos: Sequence[StepInfo]) -> list[str]:
-    """Steps that are not whole, and steps whose stream has gaps, in words."""
+    """Return a sentence for each incomplete step and each step with gaps in its stream."""
     cut = [f"step {info.index} ({info.name}) is not whole" for info in infos if not info.whole]
     gaps = [f"step {i.index} ({i.name}): {i.gaps} gaps in the stream" for i in infos if i.gaps]
     return cut + gaps
@@ -157,7 +157,7 @@ def _listed(value: object) -> str:
 
 
 def _mapping(told: str) -> dict[str, object]:
-    """A JSON object of the provenance; one that cannot be read is shown as it is, rather than lost."""
+    """Return a JSON object of the provenance; text that cannot be parsed is kept under the key `as recorded`."""
     try:
         found = json_document(told, "provenance") if told else {}
     except UsageError:

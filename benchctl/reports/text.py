@@ -1,7 +1,7 @@
-"""Numbers, units and durations as a reader of a report expects them.
+"""Formatting of numbers, units and durations for reports.
 
-A value with an uncertainty is rounded to two significant digits of the uncertainty (GUM 7.2.6). Every face of benchctl
-prints it by `with_uncertainty`. The minus sign is U+2212; no line breaks before a unit.
+A value with an uncertainty is rounded to two significant digits of the uncertainty (GUM 7.2.6). All interfaces of
+benchctl print it by `with_uncertainty`. The minus sign is U+2212; no line breaks before a unit.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ _PLAIN_UNCERTAINTY, _LARGEST_STATED = 1e-5, 1e6
 _MOST_DECIMALS = 12
 
 NOT_KNOWN = "–"
-"""What stands where a number is not known."""
+"""Printed in place of an unknown number."""
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number to so many significant digits; a power of ten where it is very small or very large."""
+    """Format a number to `digits` significant digits, with a power of ten if it is very small or very large."""
     if value is None or not math.isfinite(value):
         return NOT_KNOWN
     order = _order(abs(value), digits)
@@ -32,10 +32,10 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def with_uncertainty(value: float, expanded: float | None, unit: str = "") -> str:
-    """`(0.05000 ± 0.00012) V`, `(50.0012 ± 0.0034) × 10⁻³ V`; without an uncertainty six significant digits.
+    """Format a value as `(0.05000 ± 0.00012) V` or `(50.0012 ± 0.0034) × 10⁻³ V`; without uncertainty to six digits.
 
-    The power of ten is a multiple of three. It stands where the uncertainty is below 10⁻⁵, or the larger of both below
-    10⁻³ or from 10⁶ on.
+    The power of ten is a multiple of three. It is used if the uncertainty is below 10⁻⁵, or if the larger of both is
+    below 10⁻³ or at least 10⁶.
     """
     if not _is_uncertainty(expanded):
         return with_unit(number(value, 6), unit)
@@ -48,7 +48,7 @@ def with_uncertainty(value: float, expanded: float | None, unit: str = "") -> st
 
 
 def interval(low: float, high: float) -> str:
-    """`[3.008, 3.032] × 10⁻⁶`, rounded as a value with half its width for uncertainty."""
+    """Format an interval as `[3.008, 3.032] × 10⁻⁶`, rounded with half its width as the uncertainty."""
     half = (high - low) / 2
     if not _is_uncertainty(half):
         return f"[{number(low, 6)}, {number(high, 6)}]"
@@ -58,17 +58,17 @@ def interval(low: float, high: float) -> str:
 
 
 def percent(value: float | None) -> str:
-    """Two significant digits and the sign: `0.046 %`."""
+    """Format with two significant digits and the sign: `0.046 %`."""
     return NOT_KNOWN if value is None or not math.isfinite(value) else with_unit(number(value, 2), "%")
 
 
 def count(value: int) -> str:
-    """A count, its thousands apart by narrow spaces."""
+    """Format a count, with narrow spaces between thousands."""
     return f"{value:,}".replace(",", "\u202f")
 
 
 def plain(value: float | None, unit: str = "", decimals: int = 1) -> str:
-    """A number with at most so many decimals, zeros at its end left out, and its unit."""
+    """Format a number with at most `decimals` decimals, without trailing zeros, and its unit."""
     if value is None or not math.isfinite(value):
         return NOT_KNOWN
     rounded = f"{value:.{decimals}f}"
@@ -77,44 +77,44 @@ def plain(value: float | None, unit: str = "", decimals: int = 1) -> str:
 
 
 def span(low: float, high: float, unit: str, decimals: int = 1) -> str:
-    """`−40 to 60 °C`, or one number where both ends print alike."""
+    """Format a range as `−40 to 60 °C`, or as one number if both ends print alike."""
     ends = [plain(end, "", decimals) for end in (low, high)]
     return with_unit(ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}", unit)
 
 
 def duration(seconds: float) -> str:
-    """`32 h 14 min`, `3 min 20 s`, `12 s`."""
-    whole = round(seconds)
-    if whole >= 3600:
-        return f"{whole // 3600}\u00a0h {whole % 3600 // 60:02d}\u00a0min"
-    if whole >= 60:
-        return f"{whole // 60}\u00a0min {whole % 60:02d}\u00a0s"
-    return f"{whole}\u00a0s"
+    """Format a duration: `32 h 14 min`, `3 min 20 s`, `12 s`."""
+    rounded = round(seconds)
+    if rounded >= 3600:
+        return f"{rounded // 3600}\u00a0h {rounded % 3600 // 60:02d}\u00a0min"
+    if rounded >= 60:
+        return f"{rounded // 60}\u00a0min {rounded % 60:02d}\u00a0s"
+    return f"{rounded}\u00a0s"
 
 
 def with_unit(text: str, unit: str) -> str:
-    """A number's text and its unit, kept on one line; degrees and seconds of arc stand without a space."""
+    """Join a number's text and its unit by a no-break space; no space before degrees and seconds of arc."""
     space = "" if not unit or unit in _NO_SPACE_BEFORE else "\u00a0"
     return f"{text}{space}{unit}"
 
 
 def unit_text(unit: str) -> str:
-    """A unit as it is printed: `V/(deg/s)` becomes `V/(°/s)`, `°C^-2` and `degC-2` become `°C⁻²`, `1` nothing."""
+    """Return a unit as printed: `V/(deg/s)` becomes `V/(°/s)`, `°C^-2` and `degC-2` become `°C⁻²`, `1` nothing."""
     if unit == "1":
         return ""
-    told = re.sub(r"degree s-(\d)", r"deg/s\1", unit)
+    printed = re.sub(r"degree s-(\d)", r"deg/s\1", unit)
     for name, sign in (("degC", "°C"), ("arcsec", "″"), ("degree", "°"), ("deg", "°"), ("**", "^")):
-        told = told.replace(name, sign)
-    return raised(re.sub(r"(?<=[A-Za-z°)])(-?\d+)", r"^\1", told))
+        printed = printed.replace(name, sign)
+    return raised(re.sub(r"(?<=[A-Za-z°)])(-?\d+)", r"^\1", printed))
 
 
 def scale_unit(output_unit: str) -> str:
-    """The unit of a scale factor: output over rate; none where the output is a rate itself."""
+    """Return the unit of a scale factor: output over rate; empty if the output is a rate itself."""
     return "" if output_unit == "°/s" else f"{output_unit}/(°/s)"
 
 
 def raised(plain_text: str) -> str:
-    """A sentence with its powers raised: `x^2` becomes x², `x^1` x, `5e-08` 5 × 10⁻⁸."""
+    """Return a sentence with superscript powers: `x^2` becomes x², `x^1` x, `5e-08` 5 × 10⁻⁸."""
     powers = re.sub(
         r"\^(-?\d+)", lambda found: "" if found[1] == "1" else found[1].translate(_SUPERSCRIPTS), plain_text
     )
@@ -126,7 +126,7 @@ def _is_uncertainty(value: float | None) -> TypeGuard[float]:
 
 
 def _rounding(value: float, uncertainty: float) -> tuple[int, int]:
-    """The power of ten to take out, and the decimals that leave two significant digits of the uncertainty."""
+    """Return the power of ten to factor out, and the decimals for two significant digits of the uncertainty."""
     size = max(abs(value), uncertainty)
     plain = uncertainty >= _PLAIN_UNCERTAINTY and _SMALLEST_PLAIN <= size < _LARGEST_STATED
     exponent = 0 if plain else 3 * math.floor(math.log10(size) / 3)
@@ -135,12 +135,12 @@ def _rounding(value: float, uncertainty: float) -> tuple[int, int]:
 
 
 def _fixed(value: float, decimals: int) -> str:
-    """A number with so many decimals; fewer than none round to tens, hundreds, …."""
+    """Format a number with this many decimals; a negative number rounds to tens, hundreds, …."""
     return _minus(f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}")
 
 
 def _order(size: float, digits: int) -> int:
-    """The order of magnitude once rounded to so many digits: 0.0996 to two digits is 0.10."""
+    """Return the order of magnitude after rounding to this many digits: 0.0996 to two digits is 0.10."""
     return int(f"{size:.{digits - 1}e}".partition("e")[2]) if size else 0
 
 

@@ -1,4 +1,4 @@
-"""A plan as a picture: the chamber's set point and the table's rate over bench time."""
+"""A plan as a figure: the chamber's set point and the table's rate over bench time."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ _KIND_NAMES: Mapping[str, str] = {
 _KEPT_ASIDE: dict[str, Any] = {"linestyle": "none", "marker": "v", "markersize": 4, "color": INK}
 _FORMATS = (".svg", ".png")
 _LEAST_WIDTH_SHARE = 0.001
-"""Of the whole duration: a step of seconds in a campaign of days is still drawn."""
+"""Minimum width of a bar relative to the total duration, so that short steps remain visible."""
 
 
 def timeline_figure(plan: Plan, spans: Sequence[tuple[float, float, float]]) -> Figure:
-    """Set point and largest rate of each step, coloured by its kind; runs kept aside bear a mark.
+    """Plot set point and largest rate of each step, coloured by its kind; held-out runs have a mark.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ def timeline_figure(plan: Plan, spans: Sequence[tuple[float, float, float]]) -> 
 
 
 def draw_timeline(path: Path, plan: Plan, limits: Limits, from_c: float) -> None:
-    """Draw a plan into an SVG or PNG file, the chamber at `from_c` to begin with.
+    """Draw a plan into an SVG or PNG file; the chamber starts at `from_c`.
 
-    Raises `UsageError` for another kind of file, or where the disk refuses.
+    Raises `UsageError` for another kind of file, or if it cannot be written.
     """
     if path.suffix.lower() not in _FORMATS:
         raise UsageError(f"{path}: a picture is written as {' or '.join(_FORMATS)}; name it so")

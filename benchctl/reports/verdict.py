@@ -1,4 +1,4 @@
-"""The result of a calibration in sentences, for somebody who was not there."""
+"""The result of a calibration in sentences."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _UNFINISHED = ("interrupted", "aborted", "running")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tile:
-    """One level of the path of the error: its largest and its rms error on the runs kept aside, percent."""
+    """One level of the calibration: its largest and its rms error on the held-out runs, percent."""
 
     level: str
     name: str
@@ -33,7 +33,7 @@ class Tile:
 
 
 def tiles(result: CalibrationResult) -> list[Tile]:
-    """The path of the error on runs that no fit has seen; empty where there were none."""
+    """Return the error of each level on held-out runs; empty without such runs."""
     return [
         Tile(
             level=level,
@@ -46,12 +46,12 @@ def tiles(result: CalibrationResult) -> list[Tile]:
 
 
 def level_name(result: CalibrationResult, level: str) -> str:
-    """A level's short name; the joint fit's with its law."""
+    """Return a level's short name; the joint fit's includes its law."""
     return f"{PATH_LEVELS[level]} ({result.best.law})" if level == "joint" and result.joint else PATH_LEVELS[level]
 
 
 def sentence(result: CalibrationResult) -> str:
-    """What was reached, measured on what."""
+    """Return a sentence with the errors reached and the runs they were measured on."""
     path = tiles(result)
     if not path:
         return (
@@ -75,12 +75,12 @@ def sentence(result: CalibrationResult) -> str:
 
 
 def status_text(meta: Meta) -> str:
-    """The status of the recording in words."""
+    """Return the status of the recording in words."""
     return _STATUS[meta.status]
 
 
 def cautions(meta: Meta, cut: list[str]) -> list[str]:
-    """What a reader must know before the first number: an unfinished campaign, cut steps."""
+    """Return the warnings at the head of a report: an unfinished campaign, cut steps."""
     found = []
     if meta.status in _UNFINISHED:
         found.append(
@@ -93,7 +93,7 @@ def cautions(meta: Meta, cut: list[str]) -> list[str]:
 
 
 def is_simulated(meta: Meta) -> bool:
-    """Whether the gyro was a simulated one."""
+    """Return whether the gyro was simulated."""
     return meta.status == "simulated" or bool(meta.provenance.get("bench_physics"))
 
 

@@ -1,4 +1,4 @@
-"""The diagnosis's coordinates and units as they are printed; nothing heavy is imported, so that help is quick."""
+"""Printed names of the diagnosis's coordinates and units; imports nothing heavy, so that help is quick."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from benchctl.reports import text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Advice:
-    """For a lab engineer: what an effect does to a `calibration`, and what to do at the `bench`."""
+    """Advice for a lab engineer: the effect's consequence for a `calibration`, and what to do at the `bench`."""
 
     calibration: str
     bench: str
 
 
 def advice_for(effect: str) -> Advice | None:
-    """That for an effect; None for one of another package."""
+    """Return the advice for an effect; None for an effect of another package."""
     return _book().get(effect)
 
 
 @lru_cache(maxsize=1)
 def _book() -> Mapping[str, Advice]:
     text = files("benchctl.reports").joinpath("advice.toml").read_text(encoding="utf-8")
-    return {name: Advice(**told) for name, told in tomllib.loads(text).items()}
+    return {name: Advice(**advice) for name, advice in tomllib.loads(text).items()}
 
 
 COORDINATES: Mapping[str, str] = {
@@ -49,14 +49,14 @@ COORDINATES: Mapping[str, str] = {
 }
 
 _UNITS: Mapping[str, str] = {"1e-6": "ppm", "V s-0.5": "V/√s", "V s2 degree-1": "V/(°/s²)"}
-"""Units that read better so than by the rule."""
+"""Units whose printed form differs from the rule."""
 
 
 def coordinate(name: str) -> str:
-    """A coordinate in words; of two joined by `*` both."""
+    """Return a coordinate in words; both of two that are joined by `*`."""
     return " together with ".join(COORDINATES.get(part, part.replace("_", " ")) for part in name.split("*"))
 
 
 def unit(told: str) -> str:
-    """A unit as it is printed, on one line."""
+    """Return a unit as printed, on one line."""
     return _UNITS.get(told) or text.unit_text(told).replace(" ", "\u00a0")

@@ -1,5 +1,5 @@
-"""From the channels of a recording to what analyses work on.
+"""Derive the quantities that analyses use from the channels of a recording.
 
-`segments` reads a step as runs without a gap, `rate` makes the encoder's rate, `motion` the motion behind every sample,
-`reduce` the block means of a step. Beside them: temperatures, spectra, and the arithmetic that rows need.
+`segments` reads a step as runs without a gap, `rate` computes the encoder's rate, `motion` the motion at every sample,
+`reduce` the block means of a step. Other modules provide temperatures, spectra, and arithmetic on rows.
 """

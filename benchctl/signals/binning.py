@@ -1,4 +1,4 @@
-"""Sums over bins of a coordinate: broken lines along one, and waves that are locked to an angle."""
+"""Sums over bins of a coordinate: piecewise linear functions, and waves that are locked to an angle."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _BINS_A_WAVE = 8
 
 
 def bin_of(values: FloatArray, edges: FloatArray) -> npt.NDArray[np.int64]:
-    """Which bin each value lies in, shape (n,), for m+1 increasing edges; what lies beyond is in the outermost."""
+    """Return the bin of each value, shape (n,), for m+1 increasing edges; values outside go to the outermost bins."""
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
 
 
 def hats(values: FloatArray, knots: FloatArray, factor: FloatArray | None = None) -> scipy.sparse.csr_array:
-    """Hat functions at the knots (k,), times a factor (n,): a sparse matrix (n, k), two entries in a row."""
+    """Return hat functions at the knots (k,), times a factor (n,): a sparse matrix (n, k) with two entries per row."""
     left = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, knots.size - 2)
     width = knots[left + 1] - knots[left]
     part = np.clip((values - knots[left]) / np.where(width > 0.0, width, 1.0), 0.0, 1.0)
@@ -35,7 +35,7 @@ def pairs(
     factor: FloatArray | None,
     count: int,
 ) -> scipy.sparse.csr_array:
-    """1 − part in the column `left`, part in `right`, times a factor, each (n,): a sparse matrix (n, count)."""
+    """Return a sparse matrix (n, count): 1 − part in column `left`, part in `right`, times a factor; (n,) each."""
     data, places = np.empty((part.size, 2)), np.empty((part.size, 2), np.int32)
     np.subtract(1.0, part, out=data[:, 0])
     data[:, 1] = part
@@ -47,9 +47,9 @@ def pairs(
 
 
 def line_scores(values: FloatArray, angle_deg: FloatArray, highest: int) -> ComplexArray:
-    """Σ values·e^(i·m·angle) for m from 0 to `highest`, shape (highest+1,), of values and angles [deg], (n,).
+    """Return Σ values·e^(i·m·angle) for m from 0 to `highest`, shape (highest+1,); values and angles [deg] (n,).
 
-    Angles are put into bins, eight or more to the shortest wave, which dampens it by 3 percent at most.
+    Angles are sorted into bins, at least eight per shortest wave, which attenuates it by at most 3 %.
     """
     bins = 1 << math.ceil(math.log2(_BINS_A_WAVE * max(highest, 1)))
     place = np.floor(angle_deg * (bins / 360.0)).astype(np.int64) & (bins - 1)

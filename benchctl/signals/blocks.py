@@ -1,6 +1,6 @@
-"""Blocks of rows: those that stay in a core's own memory, and those over which sums are taken to see how they scatter.
+"""Blocks of rows: blocks that fit into a core's cache, and blocks whose sums show how much they scatter.
 
-The latter are half a second each, or a step each.
+The latter are half a second or a step long.
 """
 
 from __future__ import annotations
@@ -15,57 +15,57 @@ import numpy.typing as npt
 from benchctl_instruments.arrays import FloatArray
 
 BLOCK = 64
-"""Rows of a block."""
+"""Number of rows in a block."""
 
 _TOGETHER = BLOCK << 7
-"""Rows of some columns that stay in a core's own memory."""
+"""Number of rows of some columns that fit into a core's cache."""
 
 
 def in_cache(rows: slice) -> Iterator[slice]:
-    """Rows from the first to the last, so many at a time that one pass after another finds them in a core's memory."""
+    """Split rows into pieces small enough to stay in a core's cache over several passes."""
     for first in range(rows.start, rows.stop, _TOGETHER):
         yield slice(first, min(first + _TOGETHER, rows.stop))
 
 
 def gram(columns: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """The products of columns (n, k) with each other, shape (k, k)."""
+    """Return the products of columns (n, k) with each other, shape (k, k)."""
     total = np.zeros((columns.shape[1], columns.shape[1]))
     for rows in in_cache(slice(0, len(columns))):
-        # dot would let other threads work meanwhile, but takes several times as long where columns lie far apart
+        # dot would let other threads work in parallel, but is several times slower for columns with large strides
         total += columns[rows].T @ columns[rows]
     return total
 
 
 def block_starts(rows: int) -> npt.NDArray[np.int64]:
-    """The first row of each block of so many rows, as `numpy.add.reduceat` takes them."""
+    """Return the first row of each block, for `numpy.add.reduceat`."""
     return np.arange(0, rows, BLOCK)
 
 
 def block_products(
     columns: npt.NDArray[np.floating[Any]], values: npt.NDArray[np.floating[Any]]
 ) -> npt.NDArray[np.float64]:
-    """Σ of columns (n, k) times values (n,) over each block of rows, shape (blocks, k)."""
+    """Return the sums of columns (n, k) times values (n,) over each block of rows, shape (blocks, k)."""
     rows, many = columns.shape
-    whole, left = divmod(rows, BLOCK)
-    cut = whole * BLOCK
-    sums = np.empty((whole + (left > 0), many))
-    sums[:whole] = (values[:cut].reshape(whole, 1, BLOCK) @ columns[:cut].reshape(whole, BLOCK, many))[:, 0]
-    sums[whole:] = values[cut:] @ columns[cut:]
+    full, left = divmod(rows, BLOCK)
+    cut = full * BLOCK
+    sums = np.empty((full + (left > 0), many))
+    sums[:full] = (values[:cut].reshape(full, 1, BLOCK) @ columns[:cut].reshape(full, BLOCK, many))[:, 0]
+    sums[full:] = values[cut:] @ columns[cut:]
     return sums
 
 
 def step_starts(step: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """The first row of each step, for the step of each row, shape (n,), n at least 1."""
+    """Return the first row of each step from the step of each row, shape (n,), n at least 1."""
     return np.concatenate([[0], np.flatnonzero(np.diff(step)) + 1])
 
 
 def block_mean(values: FloatArray, size: int) -> FloatArray:
-    """Means over blocks of so many values, shape (n // size,); what is left at the end is dropped."""
+    """Return means over blocks of `size` values, shape (n // size,); an incomplete block at the end is dropped."""
     count = values.size // size
     return np.asarray(values[: count * size].reshape(count, size).mean(axis=1))
 
 
 def consecutive(sizes: Sequence[int]) -> tuple[slice, ...]:
-    """Slices of these sizes, one after the other."""
+    """Return consecutive slices of these sizes."""
     bounds = np.concatenate([[0], np.cumsum(sizes)]).tolist()
     return tuple(slice(first, last) for first, last in itertools.pairwise(bounds))

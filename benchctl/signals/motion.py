@@ -1,11 +1,11 @@
-"""The table's motion from its encoder: band-limited, with the noise that it brings known.
+"""The table's motion from its encoder: band-limited, with known noise.
 
 Two filters of `rate` are mixed: a narrow one, which passes little noise, wherever its result agrees with that of a wide
-one to within noise, and the wide one in what is sudden. Ripple that repeats with the angle is known better than from
-samples of a moment: it is taken off before the filters, and its exact derivative put back behind them.
+one to within noise, and the wide one during sudden motion. Ripple that repeats with the angle is known better than from
+the samples of a moment: it is subtracted before the filters, and its exact derivative is added after them.
 
-Where a table moves faster than any filter of a rate passes, next to nothing is known of it: the wide filter then makes
-all of the motion, which is as good as ever up to the edge of the narrow one.
+If a table moves faster than any filter of the rate passes, that fast motion is hardly known: the wide filter then gives
+the complete motion, which is as accurate as usual up to the edge of the narrow one.
 """
 
 from __future__ import annotations
@@ -24,35 +24,35 @@ from benchctl_instruments.arrays import FloatArray
 
 _LEVEL_S = 0.2
 _RESTING = 6.0
-"""Power of the rate, in units of that of the encoder's noise between the two filters, below which the table rests."""
+"""Power of the rate, over that of the encoder's noise between the two filters, below which the table is at rest."""
 
 _BEGIN, _FULL = 4.0, 8.0
-"""Power of the difference between wide and narrow, in units of its median, where mixing begins and where it is full.
+"""Power of the difference between wide and narrow, over its median, where mixing begins and where it is complete.
 
-Noise must not get there: rows in which it happens to agree with the motion would be those that count.
+Noise must not reach it: it would select the rows in which it happens to agree with the motion.
 """
 
 _AROUND_S = 0.3
-"""What is sudden begins, unseen in noise, so much before it is seen, and ends so much after."""
+"""Sudden motion begins this long before it exceeds the noise, and ends this long after."""
 _ROUNDING_DPS = 1e-6
-"""No encoder's noise makes a rate as small: it is the arithmetic's own, of an encoder that stands quite still."""
+"""Smallest rate that is due to an encoder's noise; below it there is only rounding error, of an encoder at rest."""
 
 _BEYOND = 0.01
-"""Share of the rate, rms, beyond the wide filter's band, from which on the motion is taken to go beyond it.
+"""Share of the rate (rms) outside the wide filter's band above which the motion counts as exceeding the band.
 
-An encoder's noise is a thousandth of a table's motion, steps of a stepper are a tenth of a shaft's.
+An encoder's noise is a thousandth of a table's motion; the steps of a stepper are a tenth of a shaft's.
 """
 
 _TURNING_DPS = 1.0
-"""Rms of the rate below which a table rests or creeps: then all that is beyond is the encoder's noise."""
+"""Rms of the rate below which a table rests or creeps; everything outside the band is then encoder noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
     """Angle [deg, unwrapped], rate [deg/s] and acceleration [deg/s²] of the table, each of shape (n,).
 
-    `sudden`, 0 to 1, is the share of the wide filter; `filters` are the rate filters (narrow, wide), to be convolved
-    with angles; `ripple` went past them.
+    `sudden`, 0 to 1, is the share of the wide filter; `filters` are the kernels (narrow, wide) that give a rate from
+    angles by convolution; `ripple` bypassed them.
     """
 
     angle_deg: FloatArray
@@ -64,7 +64,7 @@ class Motion:
 
 
 def rates_of(motions: Sequence[Motion], angles_deg: Sequence[FloatArray]) -> list[FloatArray]:
-    """The rates that the filters of motions of one sample rate make of other angles of the same samples."""
+    """Apply the filters of motions, all of one sample rate, to other angles of the same samples."""
     narrow, wide = motions[0].filters
     rates = filtered_each(angles_deg, narrow)
     mixed = [i for i, motion in enumerate(motions) if motion.sudden.any()]
@@ -74,9 +74,9 @@ def rates_of(motions: Sequence[Motion], angles_deg: Sequence[FloatArray]) -> lis
 
 
 def table_motions(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> tuple[tuple[Motion, ...], bool]:
-    """The motions behind all of a recording's unwrapped angles, a stretch each, with the ripple that they show.
+    """Return the motion of each stretch of a recording's unwrapped angles, with the ripple that they show.
 
-    Beside them whether the table moves beyond the band of every filter: then the wide one makes all of it.
+    Also return whether the table moves beyond the band of every filter: then only the wide one is used.
     """
     if _goes_beyond(angles_deg, sample_rate_hz):
         return tuple(_wide(angle, sample_rate_hz) for angle in angles_deg), True
@@ -84,10 +84,10 @@ def table_motions(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> tu
 
 
 def motion_of(angle_deg: FloatArray, sample_rate_hz: float, ripple: Ripple = NO_RIPPLE) -> Motion:
-    """The motion behind equidistant, unwrapped angles of an encoder, shape (n,), one stretch without gaps.
+    """Return the motion from equidistant, unwrapped angles of an encoder, shape (n,), one stretch without gaps.
 
-    `ripple` is what repeats with the angle, known from elsewhere: θ = φ + ripple(θ), and φ is what is filtered; where
-    it lags, it is that of the angle a moment before.
+    `ripple` is the known part that repeats with the angle: θ = φ + ripple(θ), and φ is filtered; with a lag, it is
+    that of the angle a moment before.
     """
     return motions_of([angle_deg], sample_rate_hz, ripple)[0]
 
@@ -95,7 +95,7 @@ def motion_of(angle_deg: FloatArray, sample_rate_hz: float, ripple: Ripple = NO_
 def motions_of(
     angles_deg: Sequence[FloatArray], sample_rate_hz: float, ripple: Ripple = NO_RIPPLE
 ) -> tuple[Motion, ...]:
-    """The motions of several stretches, each as by itself."""
+    """Return the motions of several stretches, each filtered separately."""
     edges = [edges_hz(band, sample_rate_hz) for band in (NARROW, WIDE)]
     kernels = [differentiator(sample_rate_hz, *edge, order) for order in (1, 0, 2) for edge in edges]
     lagging = [ripple.lagging(angle, sample_rate_hz) for angle in angles_deg]
@@ -126,7 +126,7 @@ def motions_of(
 
 
 def _wide(angle_deg: FloatArray, sample_rate_hz: float) -> Motion:
-    """The motion of a stretch by the wide filter alone."""
+    """Return the motion of a stretch from the wide filter alone."""
     narrow, wide = (edges_hz(band, sample_rate_hz) for band in (NARROW, WIDE))
     angle, rate, acceleration = (
         filtered(angle_deg, differentiator(sample_rate_hz, *wide, order)) for order in range(3)
@@ -142,7 +142,7 @@ def _wide(angle_deg: FloatArray, sample_rate_hz: float) -> Motion:
 
 
 def _goes_beyond(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> bool:
-    """Whether unwrapped angles, a stretch each, hold motion or noise that no filter of the rate passes."""
+    """Return whether unwrapped angles, an array per stretch, contain motion or noise that no rate filter passes."""
     smooth, turning = (differentiator(sample_rate_hz, *edges_hz(WIDE, sample_rate_hz), order) for order in (0, 1))
     half = half_of(sample_rate_hz)
     inside = beyond = count = 0.0
@@ -157,9 +157,9 @@ def _goes_beyond(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> boo
 
 
 def _still(rate_dps: FloatArray, noise: float, sample_rate_hz: float) -> FloatArray:
-    """Rates averaged over a second wherever the table does not turn, shape (n,).
+    """Average rates over a second wherever the table does not turn, shape (n,).
 
-    At rest the encoder's noise is all that a rate holds, and a dead zone, which passes none of it, would seem to fit.
+    At rest a rate contains only the encoder's noise, and a dead zone, which blocks it, would seem to fit.
     """
     window = max(3, int(_LEVEL_S * 2 * sample_rate_hz))
     power = uniform_filter1d(rate_dps**2, window)
@@ -171,7 +171,7 @@ def _still(rate_dps: FloatArray, noise: float, sample_rate_hz: float) -> FloatAr
 
 
 def _sudden(difference: FloatArray, sample_rate_hz: float) -> FloatArray:
-    """Where the wide filter sees more than noise beyond the narrow one, 0 to 1, shape (n,)."""
+    """Return where the wide filter passes more than noise beyond the narrow one, 0 to 1, shape (n,)."""
     power = uniform_filter1d(difference**2, max(3, int(_LEVEL_S * sample_rate_hz)))
     usual = max(float(np.median(power)), _ROUNDING_DPS**2)
     around = maximum_filter1d(power, 2 * int(_AROUND_S * sample_rate_hz) + 1)

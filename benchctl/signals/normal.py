@@ -1,4 +1,4 @@
-"""Numbers of the normal distribution, and the white noise of a signal by them."""
+"""Constants of the normal distribution, and an estimate of a signal's white noise that uses them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 from benchctl_instruments.arrays import FloatArray
 
 Z95 = 1.959964
-"""So many deviations on either side hold 95 %."""
+"""95 % of a normal distribution lie within this many standard deviations."""
 QUARTILE = 0.67449
-"""So many deviations on either side hold half: the median of what is normal, without its sign."""
+"""Half of a normal distribution lies within this many standard deviations: the median of its absolute value."""
 DEVIATION_OF_MEDIAN = 1.4826
-"""A deviation over the median of what is normal, without its sign."""
+"""Standard deviation of a normal distribution over the median of its absolute value."""
 
 
 def white_noise_of(*signals: FloatArray, order: int = 3) -> float:
-    """The standard deviation of the white noise in smooth signals, each (n,), from differences of some order.
+    """Return the standard deviation of the white noise in smooth signals, each (n,), from differences of this order.
 
-    Differences of white noise of variance one have the variance (2·order over order). 0 where no signal is long enough.
+    Differences of white noise of variance one have the variance (2·order over order). 0 if no signal is long enough.
     """
     differences = [np.abs(np.diff(one, order)) for one in signals if one.size > order]
     if not differences:

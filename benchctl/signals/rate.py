@@ -1,17 +1,17 @@
-"""The table's rate from its encoder's angles, by linear-phase filters whose gain and noise are known: two of them.
+"""The table's rate from its encoder's angles, by one of two linear-phase filters with known gain and noise.
 
-The difference of two samples is not the rate: it stands between them, attenuates what is fast and passes the encoder's
-noise up to half the sampling rate. Which filter is used depends on what is known of the motion:
+The difference of two samples is not the rate: it belongs to the middle between them, attenuates fast motion and passes
+the encoder's noise up to half the sampling rate. The filter depends on what is known about the motion:
 
-- `Smoother`, a polynomial over a window of angles (Savitzky and Golay, Anal. Chem. 36 (1964) 1627), where the band of
-  the motion is known: at rest, at constant rates, in a sine. Window and order are those that together spoil a scale
-  factor least. It is a quarter of a second long at most, so that short runs lose little; blocks of samples are averaged
-  without a rate for each; and a delay is a place inside the window, so that half samples cannot get lost.
-- `differentiator`, a least-squares filter that is flat from 0 Hz to the edge of a band and falls to zero above, where
-  the motion is not known and a model is compared with every sample. Its gain error is below 1e-5 up to the edge; a
-  polynomial's is as small for much slower motion only.
+- `Smoother`, a polynomial over a window of angles (Savitzky and Golay, Anal. Chem. 36 (1964) 1627), if the band of the
+  motion is known: at rest, at constant rates, in a sine. Window and order are chosen for the least error of a scale
+  factor. The window is at most a quarter of a second long, so that short runs lose little; blocks of samples are
+  averaged without computing each rate; and a delay is a place inside the window, so that half samples are not lost.
+- `differentiator`, a least-squares filter that is flat from 0 Hz to the edge of a band and falls to zero above, if the
+  motion is not known and a model is compared with every sample. Its gain error is below 1e-5 up to the edge; that of a
+  polynomial is as small only for much slower motion.
 
-Both give the rate at the stamp of the middle sample.
+Both give the rate at the time stamp of the middle sample.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ _MAX_WINDOW_S = 0.25
 _MAX_HALF = 60
 
 _FEWEST, _REACH_S = 32, 0.256
-"""Samples on either side that a rate is made of, and the time that they reach over at least.
+"""Minimum number of samples on either side of a rate, and the minimum time that they cover.
 
-A band that is narrow beside the sampling rate asks for more of them: its gain error grows where they are few.
+A band that is narrow relative to the sampling rate needs more samples, because its gain error grows with fewer.
 """
 
 NARROW = (0.1, 0.2, 10.0, 20.0)
 WIDE = (0.2, 0.4, 20.0, 40.0)
-"""Edges of pass and stop band as shares of the sampling rate, and their limits in Hz."""
+"""Edges of pass band and stop band as shares of the sampling rate, and their upper limits in Hz."""
 
 
 def unwrap_deg(angle_deg: FloatArray, period_deg: float = 360.0) -> FloatArray:
-    """Angles without the jumps at a period, shape (n,); right as long as samples are less than half of it apart."""
+    """Remove the jumps by a period, shape (n,); correct if successive samples differ by less than half a period."""
     steps = np.diff(angle_deg)
     jumps = np.flatnonzero(np.abs(steps) > 0.5 * period_deg)
     turns = np.cumsum(-np.sign(steps[jumps]) * np.ceil(np.abs(steps[jumps]) / period_deg - 0.5))
@@ -55,7 +55,7 @@ def unwrap_deg(angle_deg: FloatArray, period_deg: float = 360.0) -> FloatArray:
 class Smoother:
     """A window of `2*half + 1` angles, a polynomial of `order`; its gain error up to `band_hz` at `sample_rate_hz`.
 
-    `noise_gain` turns the deviation of one angle (deg, white) into that of one rate (°/s).
+    `noise_gain` is the standard deviation of a rate (°/s) over that of one angle (deg, white noise).
     """
 
     half: int
@@ -67,12 +67,12 @@ class Smoother:
 
     @property
     def window_s(self) -> float:
-        """From the first angle of the window to its last, s."""
+        """Time from the first angle of the window to its last, s."""
         return 2 * self.half / self.sample_rate_hz
 
 
 def derivative_weights(half: int, order: int, place: float = 0.0, derivative: int = 1) -> FloatArray:
-    """Weights w, shape (2*half+1,), with Σ w_k·θ_k = the fitted polynomial's derivative at `place`.
+    """Return weights w, shape (2*half+1,), with Σ w_k·θ_k = the fitted polynomial's derivative at `place`.
 
     `place` is in samples from the middle; the derivative is per sample to the power of `derivative`.
     """
@@ -86,13 +86,13 @@ def derivative_weights(half: int, order: int, place: float = 0.0, derivative: in
 
 @lru_cache(maxsize=512)
 def _window_inverse(half: int, order: int) -> FloatArray:
-    """Samples of a window to coefficients of its polynomial in [-1, 1], shape (order+1, 2*half+1)."""
+    """Map the samples of a window to coefficients of its polynomial in [-1, 1], shape (order+1, 2*half+1)."""
     basis = np.vander(np.arange(-half, half + 1) / half, order + 1, increasing=True)
     return np.asarray(np.linalg.pinv(basis), dtype=np.float64)
 
 
 def gain_error(half: int, order: int, frequency_hz: float, sample_rate_hz: float) -> float:
-    """Relative error of the rate of a sine of `frequency_hz`: |gain − 1| of the smoother."""
+    """Return the relative error of the rate of a sine of `frequency_hz`: |gain − 1| of the smoother."""
     if frequency_hz <= 0.0:
         return 0.0
     phase = 2 * np.pi * frequency_hz / sample_rate_hz
@@ -102,24 +102,24 @@ def gain_error(half: int, order: int, frequency_hz: float, sample_rate_hz: float
 
 
 def choose_smoother(sample_rate_hz: float, band_hz: float, noise_to_rate: float) -> Smoother:
-    """The smoother that spoils a scale factor least, for motion up to `band_hz`.
+    """Return the smoother with the least error of a scale factor, for motion up to `band_hz`.
 
-    Two things do: the gain error in the band, and the noise of the rates, which as an error of the regressor attenuates
-    the scale factor by its squared ratio to the rate. `noise_to_rate` is the deviation of an angle (deg) over the rms
-    of the rate (°/s). Raises `UsageError` where the motion is beyond half the sampling rate.
+    Two errors count: the gain error in the band, and the noise of the rates, which as an error of the regressor
+    attenuates the scale factor by its squared ratio to the rate. `noise_to_rate` is the standard deviation of an angle
+    (deg) over the rms of the rate (°/s). Raises `UsageError` if the motion is beyond half the sampling rate.
     """
     if not 0.0 <= band_hz < sample_rate_hz / 2:
         raise UsageError(
             f"rate from the encoder: motion at {band_hz:g} Hz needs more than {2 * band_hz:g} samples a second, "
             f"the recording has {sample_rate_hz:g}; record faster or leave the step out"
         )
-    # In steps of a factor of two, so that steps alike share a smoother.
+    # In steps of a factor of two, so that similar steps share a smoother.
     return _least_harm(sample_rate_hz, band_hz, round(math.log2(max(noise_to_rate, 1e-12))))
 
 
 @lru_cache(maxsize=256)
 def _least_harm(sample_rate_hz: float, band_hz: float, log2_noise_to_rate: int) -> Smoother:
-    """The best of all windows and orders."""
+    """Return the best of all windows and orders."""
     longest = min(_MAX_HALF, max(4, int(_MAX_WINDOW_S * sample_rate_hz / 2)))
     candidates = [
         Smoother(
@@ -137,7 +137,7 @@ def _least_harm(sample_rate_hz: float, band_hz: float, log2_noise_to_rate: int) 
 
 
 def places_of_rate(samples: int, smoother: Smoother, delay_s: float = 0.0) -> slice:
-    """The samples at which a derivative of so many angles exists: not the ends, where no complete window fits."""
+    """Return the samples at which a derivative exists; at the ends no complete window fits."""
     shift = round(delay_s * smoother.sample_rate_hz)
     first, last = max(smoother.half + shift, 0), min(samples - smoother.half + shift, samples)
     return slice(first, last) if last > first else slice(0, 0)
@@ -146,10 +146,10 @@ def places_of_rate(samples: int, smoother: Smoother, delay_s: float = 0.0) -> sl
 def derivative_of(
     angle_deg: FloatArray, smoother: Smoother, *, delay_s: float = 0.0, derivative: int = 1
 ) -> tuple[FloatArray, slice]:
-    """Derivative (1: °/s, 2: °/s², 3: °/s³) of unwrapped, equidistant angles, `delay_s` before their stamps.
+    """Return the derivative (1: °/s, 2: °/s², 3: °/s³) of unwrapped, equidistant angles, `delay_s` before their stamps.
 
-    Returns the values and the slice of samples at which they stand (`places_of_rate`). A delay beyond half a sample
-    shifts the window by integer samples, so that the place stays at its middle.
+    Returns the values and the slice of samples to which they belong (`places_of_rate`). A delay beyond half a sample
+    shifts the window by integer samples, so that the place stays near its middle.
     """
     where = places_of_rate(angle_deg.size, smoother, delay_s)
     if where.stop == 0:
@@ -161,7 +161,7 @@ def derivative_of(
 
 
 def rates_at(angle_deg: FloatArray, places: IntArray, smoother: Smoother) -> FloatArray:
-    """What `derivative_of` gives, °/s, at some samples only, shape (k,) inside `places_of_rate`; (k,)."""
+    """Return `derivative_of`, °/s, at selected samples, shape (k,) inside `places_of_rate`; shape (k,)."""
     weights, _ = _weights(smoother, 0.0, 1)
     windows = sliding_window_view(angle_deg - angle_deg[0], weights.size)
     return np.asarray(windows[places - smoother.half] @ weights)
@@ -170,10 +170,10 @@ def rates_at(angle_deg: FloatArray, places: IntArray, smoother: Smoother) -> Flo
 def mean_derivative_of(
     angle_deg: FloatArray, edges: IntArray, smoother: Smoother, *, delay_s: float = 0.0, derivative: int = 1
 ) -> FloatArray:
-    """Means of `derivative_of` over blocks of samples between `edges`, shape (k+1,) inside `places_of_rate`; (k,).
+    """Return means of `derivative_of` over blocks between sample `edges`, shape (k+1,) inside `places_of_rate`; (k,).
 
-    A filter summed over a block needs only the angles about its ends: what is inside cancels, for the weights of a
-    derivative add up to nothing. So a block costs as much as a sample.
+    A filter summed over a block needs only the angles near its ends: the inner ones cancel, because the weights of a
+    derivative add up to zero. A block therefore costs as much as a sample.
     """
     weights, shift = _weights(smoother, delay_s, derivative)
     summed = np.cumsum(weights[::-1])[-2::-1]
@@ -182,7 +182,7 @@ def mean_derivative_of(
 
 
 def _weights(smoother: Smoother, delay_s: float, derivative: int) -> tuple[FloatArray, int]:
-    """Weights of the window, and by how many samples it is shifted."""
+    """Return the weights of the window, and its shift in samples."""
     shift = round(delay_s * smoother.sample_rate_hz)
     place = shift - delay_s * smoother.sample_rate_hz
     rates = smoother.sample_rate_hz**derivative
@@ -190,29 +190,29 @@ def _weights(smoother: Smoother, delay_s: float, derivative: int) -> tuple[Float
 
 
 def half_of(sample_rate_hz: float) -> int:
-    """Samples on either side of a filter's middle."""
+    """Return the number of samples on either side of a filter's middle."""
     return max(_FEWEST, math.ceil(_REACH_S * sample_rate_hz))
 
 
 def edges_hz(band: tuple[float, float, float, float], sample_rate_hz: float) -> tuple[float, float]:
-    """Where a band's filter begins to fall and where it has fallen."""
+    """Return the edges of a band's pass band and stop band."""
     passing, stopping, passing_hz, stopping_hz = band
     return min(passing * sample_rate_hz, passing_hz), min(stopping * sample_rate_hz, stopping_hz)
 
 
 def filtered(values: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Values through a filter; beyond the ends they go on with the slope that they end with."""
+    """Filter values; beyond the ends they are extended by reflection about the end points."""
     return filtered_each([values], kernel)[0]
 
 
 def filtered_along(stretches: Sequence[slice], values: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Values of stretches that follow one another, shape (n,), each stretch through a filter by itself."""
+    """Filter consecutive stretches of values, shape (n,), each separately."""
     return np.concatenate([filtered(values[part], kernel) for part in stretches])
 
 
 def filtered_each(stretches: Sequence[FloatArray], kernel: FloatArray) -> list[FloatArray]:
-    """Several stretches through one filter, each as by itself; all in one go, which is the faster for short ones."""
-    from scipy.signal import oaconvolve  # half a second of loading, which the window of a polynomial does not need
+    """Filter several stretches, each separately, in one convolution, which is faster for short ones."""
+    from scipy.signal import oaconvolve  # takes half a second to import; the smoother does not need it
 
     reach = kernel.size // 2
     long = [_going_on(values, reach) for values in stretches]
@@ -229,7 +229,7 @@ def filtered_each(stretches: Sequence[FloatArray], kernel: FloatArray) -> list[F
 
 
 def _going_on(values: FloatArray, reach: int) -> FloatArray:
-    """Values with `reach` more on either side, turned about the first and the last."""
+    """Extend values by `reach` samples on either side, reflected about the first and the last value."""
     size = min(reach, values.size - 1)
     before = 2 * values[0] - values[size:0:-1]
     after = 2 * values[-1] - values[-2 : -2 - size : -1]
@@ -239,7 +239,7 @@ def _going_on(values: FloatArray, reach: int) -> FloatArray:
 
 
 def transposed(values: FloatArray, kernel: FloatArray) -> FloatArray:
-    """The transpose of `filtered`, for values that vanish within a kernel's reach of either end."""
+    """Apply the transpose of `filtered` to values that vanish within a kernel's reach of either end."""
     from scipy.signal import oaconvolve
 
     result: FloatArray = oaconvolve(values, kernel[::-1], mode="same")
@@ -248,14 +248,14 @@ def transposed(values: FloatArray, kernel: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def differentiator(sample_rate_hz: float, passing_hz: float, stopping_hz: float, order: int) -> FloatArray:
-    """Least-squares linear-phase filter, shape (2·`half_of` + 1,): d^order/dt^order in the pass band, 0 beyond."""
+    """Return a least-squares linear-phase filter, (2·`half_of` + 1,): d^order/dt^order in the pass band, 0 beyond."""
     k = np.arange(1, half_of(sample_rate_hz) + 1)
     passing = np.linspace(1e-3, passing_hz, 400)
     stopping = np.linspace(stopping_hz, sample_rate_hz / 2, 300)
     frequency = np.concatenate([passing, stopping])
     omega = 2 * np.pi * frequency
     ideal = np.where(frequency <= passing_hz, omega**order, 0.0)
-    # what is asked of the pass band is a small relative error
+    # the pass band needs a small relative error
     weight = np.where(frequency <= passing_hz, 1e4 / np.maximum(omega, 3.0) ** order, 6.0 / (2 * np.pi) ** order)
     phase = np.outer(omega / sample_rate_hz, k)
     basis = 2 * np.sin(phase) if order == 1 else np.hstack([np.ones((omega.size, 1)), 2 * np.cos(phase)])

@@ -1,10 +1,10 @@
-"""One pass over a recording: every step becomes a few hundred block means, small enough to be fitted many times.
+"""Reduce every step of a recording in one pass to a few hundred block means, few enough for many fits.
 
-A block is a short run of neighbouring samples; of the gyro its mean output is kept, of the encoder mean and variance of
-the rate, so that the mean of a curved law f is f̄ ≈ ½[f(ω̄+s) + f(ω̄−s)], s² the variance (exact to the third moment).
-The rate is given at the time when the gyro sensed it: a delay is estimated within each step in motion and the rate is
-evaluated there; the mean acceleration and jerk let a fit move it by a small correction. Clipped, filled-in or
-non-finite samples are left out with their block, and nothing is smoothed across a gap.
+A block is a short run of neighbouring samples. Of the gyro its mean output is kept, of the encoder the mean and the
+variance of the rate, so that the mean of a curved law f is f̄ ≈ ½[f(ω̄+s) + f(ω̄−s)], s² the variance (exact to the third
+moment). The rate applies to the time at which the gyro sensed it: a delay is estimated within each step in motion and
+the rate is evaluated there; the mean acceleration and jerk allow a fit to correct the delay slightly. Blocks with
+clipped, filled-in or non-finite samples are left out, and nothing is smoothed across a gap.
 """
 
 from __future__ import annotations
@@ -29,25 +29,24 @@ from benchctl_instruments.errors import UsageError
 Made = TypeVar("Made")
 
 FREE_PIECE_S = 60.0
-"""Into pieces of about this length a run in free motion is cut."""
+"""A run in free motion is cut into pieces of about this length."""
 
 UNUSED_KINDS = ("soak", "thermal_ramp", "unassigned", "static_points")
 _SHORTEST = 32
 _FEWEST_BLOCKS = 4
 _MOST_AT_ONCE = 4
-"""Steps: each holds two parts of `SCANS_AT_ONCE`, and as much again in between."""
+"""Maximum number of steps at once; each holds two parts of `SCANS_AT_ONCE` and as much in intermediate arrays."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReducedStep(Blocks):
     """A step as block means, arrays of shape (n,), oldest first.
 
-    `kind` is `static`, `constant_rate` or `motion`. `rate_dps` is the table's, at the gyro's stamps less `delay_s`,
-    `rate_at_stamp_dps` at the stamps;
-    `rate_variance` that within the block (°/s)²; `encoder_basis`, shape (n, 4): the rate that the encoder shows too
-    much per arc second of its error in sin θ, cos θ, sin 2θ, cos 2θ. `temperature_c` is a straight line through the
-    thermistor's samples, NaN where there are none. `masked` samples were left out as clipped, filled in or not finite,
-    `unsettled` as spin-up.
+    `kind` is `static`, `constant_rate` or `motion`. `rate_dps` is the table's rate at the gyro's stamps minus
+    `delay_s`, `rate_at_stamp_dps` at the stamps; `rate_variance` is the variance of the rate within the block (°/s)².
+    `encoder_basis`, shape (n, 4), is the excess rate per arc second of encoder error in sin θ, cos θ, sin 2θ, cos 2θ.
+    `temperature_c` is a straight line through the thermistor's samples, NaN if there are none. `masked` samples were
+    left out as clipped, filled in or not finite, `unsettled` samples as spin-up.
     """
 
     info: StepInfo
@@ -64,29 +63,29 @@ class ReducedStep(Blocks):
 
     @property
     def key(self) -> tuple[int, int]:
-        """Which step of the recording, and which piece of it where a long run in free motion was cut into several."""
+        """Index of the step, and of its piece if a long run in free motion was cut into several."""
         return self.info.index, self.piece
 
     @property
     def samples(self) -> int:
-        """Samples behind the blocks."""
+        """Number of samples in the blocks."""
         return int(self.count.sum())
 
     @property
     def peak_rate_dps(self) -> float:
-        """Largest rate of a block."""
+        """Largest mean rate of a block."""
         return float(np.max(np.abs(self.rate_dps)))
 
     @property
     def mean_temperature_c(self) -> float:
-        """Mean of the thermistor, NaN where there is none."""
+        """Mean of the thermistor, NaN if there is none."""
         return float(np.mean(self.temperature_c))
 
 
 def reduce_steps(steps: Iterable[Step | StoredStep], meta: Meta) -> Iterator[ReducedStep]:
-    """Reduce every step that a calibration can use, on all cores; soaks and thermal ramps are passed over.
+    """Reduce every step that a calibration can use, on all cores; soaks and thermal ramps are skipped.
 
-    Raises `UsageError` where a step to be used lacks the encoder or the gyro's output.
+    Raises `UsageError` if a step to be used lacks the encoder or the gyro's output.
     """
     usable = (step for step in steps if step.info.kind not in UNUSED_KINDS and step.info.role != "none")
     stored = (stored_of(step) if isinstance(step, Step) else step for step in usable)
@@ -95,7 +94,7 @@ def reduce_steps(steps: Iterable[Step | StoredStep], meta: Meta) -> Iterator[Red
 
 
 def reduced_steps(steps: Iterable[StoredStep], meta: Meta) -> Iterator[ReducedStep | None]:
-    """As `reduce_step`, of each, on all cores."""
+    """Apply `reduce_step` to each step, on all cores."""
     return _on_all_cores(partial(reduce_step, meta=meta), steps)
 
 
@@ -104,7 +103,7 @@ def _on_all_cores(work: Callable[[StoredStep], Made], steps: Iterable[StoredStep
 
 
 def _reduced(step: StoredStep, meta: Meta) -> list[ReducedStep]:
-    """A step, or the pieces that it is cut into."""
+    """Reduce a step, or the pieces into which it is cut."""
     pieces = (reduce_step(piece, meta) for piece in _pieces(step))
     return [replace(piece, piece=number) for number, piece in enumerate(pieces) if piece is not None]
 
@@ -126,7 +125,7 @@ def _pieces(step: StoredStep) -> Iterator[StoredStep]:
 
 
 def reduce_step(step: Step | StoredStep, meta: Meta) -> ReducedStep | None:
-    """Reduce one step, part by part; None where nothing of it can be used (too short, never settled, all clipped)."""
+    """Reduce one step, part by part; None if none of it is usable (too short, never settled, all clipped)."""
     stored = stored_of(step) if isinstance(step, Step) else step
     _demand_channels(stored)
     if stored.scans < _SHORTEST:
@@ -161,7 +160,7 @@ def reduce_step(step: Step | StoredStep, meta: Meta) -> ReducedStep | None:
 
 
 def _demand_channels(step: StoredStep) -> None:
-    """Raise where a channel that a calibration cannot do without is missing."""
+    """Raise `UsageError` if a channel that a calibration requires is missing."""
     for channel in ("time_s", "encoder_deg", "gyro_v"):
         if channel not in step.names:
             raise UsageError(
@@ -171,5 +170,5 @@ def _demand_channels(step: StoredStep) -> None:
 
 
 def _revolutions(blocks: list[Blocks], interval_s: float) -> float:
-    """Revolutions turned within the blocks, in either sense."""
+    """Return the revolutions turned within the blocks, in either sense."""
     return float(sum(np.sum(np.abs(one.rate_dps) * one.count) for one in blocks) * interval_s / 360.0)

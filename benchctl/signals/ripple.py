@@ -1,12 +1,12 @@
 """The table's ripple: true motion that repeats with the angle, such as the cogging of a motor.
 
-At high rates its lines lie beyond the pass band of a filter that is narrow enough to keep the encoder's noise out, and
-what the filter takes away of them the gyro still feels. It is too little to stand out in any one second, but it adds up
-over a recording: ten micrometres of cogging look like an encoder that is wrong. Locked to the angle as it is, it can be
-estimated from all of the recording at once, with next to no noise, and be kept from the filter altogether.
+At high rates its lines lie beyond the pass band of a filter that is narrow enough to reject the encoder's noise, but
+the gyro still senses what the filter removes. It is too small to be detected within a second, but it accumulates over a
+recording: ten micrometres of cogging look like an encoder error. Because it is locked to the angle, it can be estimated
+from the complete recording with very little noise, and bypass the filter.
 
-What shakes the table is locked to the angle; how it moves then is shifted in time by the servo. Against the angle that
-is a shift in proportion to the rate, one way in one direction of rotation and the other way in the other.
+The torque that shakes the table is locked to the angle; the resulting motion is delayed by the servo. Over the angle
+this is a shift proportional to the rate, with opposite signs for the two directions of rotation.
 """
 
 from __future__ import annotations
@@ -26,38 +26,38 @@ from benchctl_instruments.arrays import FloatArray, IntArray
 _MOST_ORDERS = 6
 _HIGHEST_ORDER = 100_000
 _SAFE = 14.0
-"""Twice the log likelihood beyond that of the best of so many orders by chance: one time in a thousand."""
+"""Margin, in twice the log likelihood, over the best of all orders by chance; false alarm probability 0.001."""
 
 _SEEN = 0.03
-"""Share of a wave above the narrow filter's band from which on it is looked for: below it next to nothing is lost."""
+"""Minimum share of a wave that the narrow filter removes for it to be searched for; a smaller loss is negligible."""
 
 _BELOW_SAMPLING = 0.4
 """Share of the sampling rate up to which a line can be motion; faster ones are errors of the encoder's grating."""
 
 _RATHER = 0.5
-"""At one rate a slow line and a fast one can look the same: the slow one is taken where it explains half as much."""
+"""At one rate a slow and a fast line can look the same: the slow one is chosen if it explains at least half as much."""
 
 _EXACT_DEG = 1e-7
-"""Angles that are smoother than any encoder's hold the rounding of numbers and nothing else."""
+"""Standard deviation below which angles contain only rounding errors and no encoder noise."""
 
 _LEVEL_S = 0.2
 _STEADY = 0.003
-"""A rate that changes by less than this share of itself within a filter's reach is steady."""
+"""A rate is steady if it changes by less than this share within a filter's reach."""
 
 _LAG_ROUNDS = 3
 
 _STEPS = 4000
-"""Into so many bins are the turns from row to row put."""
+"""Number of bins for the angle that the table turns from row to row."""
 
 _SUMMED = 2000
-"""Orders of motion whose power is summed over all rates there are; further ones have rates enough to be everywhere."""
+"""Orders of motion whose power is summed over all rates; higher ones are assumed to spread over the complete band."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ripple:
     """Σ a·cos(m·θ) + b·sin(m·θ) [deg] over `orders` m, shape (k,), with `cosines` a and `sines` b [deg].
 
-    The angle θ is that of `lag_s` before, or after where it is below 0: see `lagging`.
+    θ is the angle `lag_s` earlier (later if negative): see `lagging`.
     """
 
     orders: tuple[int, ...] = ()
@@ -66,19 +66,19 @@ class Ripple:
     lag_s: float = 0.0
 
     def lagging(self, angle_deg: FloatArray, sample_rate_hz: float) -> FloatArray:
-        """Equidistant angles of a stretch as they were `lag_s` before, shape (n,)."""
+        """Return equidistant angles of a stretch as they were `lag_s` earlier, shape (n,)."""
         return lagging(angle_deg, self.lag_s * sample_rate_hz)
 
     def angle_deg(self, angle_deg: FloatArray) -> FloatArray:
-        """What it adds to the angle, at lagging angles as the encoder states them, shape (n,)."""
+        """Return the ripple's contribution to the angle, at lagging angles of the encoder, shape (n,)."""
         return self._sum(angle_deg, 0)
 
     def slope(self, angle_deg: FloatArray) -> FloatArray:
-        """Its derivative by the angle, shape (n,), without unit."""
+        """Return its derivative by the angle, shape (n,), dimensionless."""
         return self._sum(angle_deg, 1)
 
     def bend_per_deg(self, angle_deg: FloatArray) -> FloatArray:
-        """Its second derivative by the angle [1/deg], shape (n,)."""
+        """Return its second derivative by the angle [1/deg], shape (n,)."""
         return self._sum(angle_deg, 2)
 
     def _sum(self, angle_deg: FloatArray, derivative: int) -> FloatArray:
@@ -93,17 +93,17 @@ NO_RIPPLE = Ripple()
 
 
 def lagging(angle_deg: FloatArray, rows: float) -> FloatArray:
-    """Equidistant angles as they were so many rows before, by the rate at which they change, shape (n,)."""
+    """Return equidistant angles as they were `rows` rows earlier, extrapolated by their rate of change, shape (n,)."""
     return angle_deg if rows == 0.0 or angle_deg.size < 2 else np.asarray(angle_deg - rows * np.gradient(angle_deg))
 
 
 def ripple_of(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> Ripple:
-    """The ripple of a table from its encoder's equidistant, unwrapped angles, a stretch without gaps each.
+    """Estimate the ripple of a table from its encoder's equidistant, unwrapped angles, one array per gap-free stretch.
 
-    Only where the table turns steadily is it looked for, only lines that leave the narrow filter's pass band there, the
-    strongest first, and one is kept where chance would show none like it one time in a thousand. An error of the
-    encoder that repeats as slowly is among them where it is there: the encoder alone does not tell the two apart. One
-    that repeats faster than any motion is fitted beside them, lest it drown them, and left where it is.
+    The search uses only parts in which the table turns steadily, and only lines that leave the narrow filter's pass
+    band there, the strongest first. A line is kept if its false alarm probability is below 0.001. An encoder error that
+    repeats as slowly is included if present: the encoder alone cannot distinguish the two. An error that repeats faster
+    than any motion is fitted too, so that it does not mask the others, and then discarded.
     """
     edges = edges_hz(NARROW, sample_rate_hz)
     rate_filter = differentiator(sample_rate_hz, *edges, 1)
@@ -122,7 +122,7 @@ def ripple_of(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> Ripple
 
 
 def _steady(angle_deg: FloatArray, rate_filter: FloatArray, window: int) -> list[FloatArray]:
-    """The parts of a stretch in which the table turns at one rate, each longer than four reaches of a filter."""
+    """Return the parts of a stretch with a constant rate, each longer than four reaches of a filter."""
     rate = uniform_filter1d(filtered(angle_deg, rate_filter), window)
     half = rate_filter.size // 2
     reach = 2 * (half + window) + 1
@@ -135,7 +135,7 @@ def _steady(angle_deg: FloatArray, rate_filter: FloatArray, window: int) -> list
 
 
 class _Search:
-    """What lies above a filter's band where the table turns steadily, and the waves that can be seen in it."""
+    """The signal above a filter's band while the table turns steadily, and the waves that are detectable in it."""
 
     def __init__(self, runs: Sequence[FloatArray], smooth: FloatArray) -> None:
         self._runs = runs
@@ -154,9 +154,9 @@ class _Search:
         self._orders: IntArray = np.arange(lowest, _HIGHEST_ORDER + 1)
 
     def strongest(self, ripple: Ripple) -> int | None:
-        """The order whose wave explains most of what a ripple leaves; None where chance does as much."""
+        """Return the order whose wave explains most of the residual of a ripple; None if none exceeds chance."""
         left = self._fast - np.concatenate([self._above(ripple.angle_deg(run)) for run in self._runs])
-        # white noise of the encoder, of which the filter takes its share away
+        # white noise of the encoder, of which the filter removes its share
         variance = float(np.mean(left**2)) / float(np.mean(self._gain**2))
         if self._orders.size == 0 or variance < _EXACT_DEG**2:
             return None
@@ -171,7 +171,7 @@ class _Search:
         return int(self._orders[best]) if gain[best] > 2.0 * math.log(gain.size) + _SAFE else None
 
     def motion_of(self, ripple: Ripple, sample_rate_hz: float) -> Ripple:
-        """The orders of a ripple that can be motion, with the lag that the runs show beyond chance."""
+        """Return the orders of a ripple that can be motion, with the lag if it is significant."""
         kept = self._motion(ripple)
         rows = 0.0
         for _ in range(_LAG_ROUNDS if kept.orders else 0):
@@ -196,12 +196,12 @@ class _Search:
         )
 
     def fitted(self, orders: tuple[int, ...], lag_rows: float = 0.0) -> Ripple:
-        """Waves of some orders, fitted together; those of motion of angles so many rows before."""
+        """Fit waves of some orders jointly; those of motion refer to angles `lag_rows` rows earlier."""
         sizes = self._waves(orders, lag_rows)[1].tolist()
         return Ripple(orders=orders, cosines=tuple(sizes[::2]), sines=tuple(sizes[1::2]))
 
     def _waves(self, orders: tuple[int, ...], lag_rows: float) -> tuple[FloatArray, FloatArray]:
-        """The waves above the filter's band, shape (rows, 2 orders), and their sizes."""
+        """Return the waves above the filter's band, shape (rows, 2 orders), and their amplitudes."""
         waves = []
         for order in orders:
             rows = lag_rows if order <= self.highest_of_motion else 0.0
@@ -212,16 +212,16 @@ class _Search:
         return columns, np.linalg.lstsq(columns, self._fast, rcond=None)[0]
 
     def _above(self, values: FloatArray) -> FloatArray:
-        """What the filter takes away, without the rows that it does not reach around."""
+        """Return what the filter removes, without the rows near the ends."""
         return np.convolve(values, self._kernel, mode="valid")
 
     def _powers(self) -> FloatArray:
-        """Half the sum of the squared gains for waves of amplitude one, shape of the orders."""
+        """Return half the sum of the squared gains for waves of amplitude one, one value per order."""
         width = float(self._step_rad.max()) / _STEPS + 1e-15
         rows = np.bincount((self._step_rad / width).astype(np.int64))
         there = np.flatnonzero(rows)
         steps, squared = (there + 0.5) * width, self._gain**2
-        # folded at half the sampling rate, fast lines are everywhere in the band
+        # aliased at half the sampling rate, fast lines are spread over the complete band
         powers = np.full(self._orders.size, 0.5 * self._step_rad.size * float(np.mean(squared)))
         for place, order in enumerate(self._orders[self._orders <= self.highest_of_motion][:_SUMMED]):
             powers[place] = 0.5 * float(rows[there] @ np.interp(order * steps, self._phase, squared))

@@ -1,7 +1,7 @@
-"""Segments of a step: evenly sampled runs without a gap, with the angle unwrapped and what is not to be used flagged.
+"""Segments of a step: evenly sampled runs without a gap, with the angle unwrapped and unusable samples flagged.
 
-A step is read part by part, so that none need fit into memory. A part goes on where the one before ended: what of its
-last samples is kept is put before the next part, and a segment that a part's end cuts goes on there.
+A step is read part by part, so that it need not fit into memory. Each part continues the previous one: the last samples
+that were kept are put before it, and a segment cut by the end of a part is continued.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from benchctl.signals.rate import unwrap_deg
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 CHANNELS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", FILLED)
-"""What is read of a step, as far as it is there; the first three must be."""
+"""Channels that are read from a step, if present; the first three are required."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:
-    """Unbroken samples, arrays of shape (n,): stamps, unwrapped angle, output, and which are not to be used.
+    """Contiguous samples, arrays of shape (n,): stamps, unwrapped angle, output, and flags of unusable samples.
 
-    `first` is the place of the first sample among those that its reader holds. Nothing follows one that `ends`: there
-    is a gap behind it, or the step is over.
+    `first` is the index of the first sample among those that its reader holds. `ends`: the segment is followed by a gap
+    or by the end of the step.
     """
 
     time_s: FloatArray
@@ -38,11 +38,11 @@ class Segment:
 
     @property
     def samples(self) -> int:
-        """How many there are."""
+        """Number of samples."""
         return int(self.time_s.size)
 
     def cut(self, first: int, last: int) -> Segment:
-        """Those from `first` to before `last`."""
+        """Return the samples from `first` up to, but not including, `last`."""
         rows = slice(first, last)
         return Segment(
             time_s=self.time_s[rows],
@@ -55,7 +55,7 @@ class Segment:
 
 
 class _Samples(NamedTuple):
-    """Samples whose angle is known, arrays of shape (n,): stamps, angle as it was read, output, which are not good."""
+    """Samples with a known angle, arrays of shape (n,): stamps, angle as read, output, flags of bad samples."""
 
     time_s: FloatArray
     angle_deg: FloatArray
@@ -63,12 +63,12 @@ class _Samples(NamedTuple):
     bad: BoolArray
 
     def begin_at(self, first: int) -> _Samples:
-        """Those from the sample `first` on, copied: what they are of need not be kept for them."""
+        """Return copies of the samples from `first` on, so that the original arrays can be freed."""
         time_s, angle_deg, output_v, bad = self
         return _Samples(time_s[first:].copy(), angle_deg[first:].copy(), output_v[first:].copy(), bad[first:].copy())
 
     def followed_by(self, others: _Samples) -> _Samples:
-        """Both, one after the other."""
+        """Concatenate both."""
         return _Samples(
             np.concatenate([self.time_s, others.time_s]),
             np.concatenate([self.angle_deg, others.angle_deg]),
@@ -78,7 +78,7 @@ class _Samples(NamedTuple):
 
 
 class SegmentReader:
-    """Takes the parts of a step in order; `masked` counts the samples that were clipped, filled in or not finite."""
+    """Reads the parts of a step in order; `masked` counts the samples that were clipped, filled in or not finite."""
 
     def __init__(self, interval_s: float, meta: Meta) -> None:
         self.masked = 0
@@ -86,7 +86,7 @@ class SegmentReader:
         self._held: _Samples | None = None
 
     def take(self, part: Step, *, last: bool) -> list[Segment]:
-        """The segments of what was kept and the next part, at least one; `last` where no other part follows."""
+        """Return the segments of the kept samples and the next part, at least one; `last`: no other part follows."""
         held = self._good(part)
         if self._held is not None:
             held = self._held.followed_by(held)
@@ -104,11 +104,11 @@ class SegmentReader:
         ]
 
     def keep(self, first: int | None) -> None:
-        """Put the samples from this place on before the next part; None: none of them."""
+        """Keep the samples from this index on for the next part; None: keep none."""
         self._held = None if self._held is None or first is None else self._held.begin_at(first)
 
     def _good(self, part: Step) -> _Samples:
-        """The samples whose angle is known; one that is not makes a gap."""
+        """Return the samples with a known angle; an unknown angle makes a gap."""
         finite = np.isfinite(part["encoder_deg"])
         time, angle, output = (part[name] for name in ("time_s", "encoder_deg", "gyro_v"))
         filled = part.channels.get(FILLED)
@@ -126,7 +126,7 @@ class SegmentReader:
 
 
 def clipped(output: FloatArray, meta: Meta) -> BoolArray:
-    """Samples at the converter's ends, or at the output's limit where the lab states one; shape (n,)."""
+    """Return which samples are at the converter's limits, or at the output's limit if the lab states one; (n,)."""
     limit = np.inf
     if meta.bench.adc_range_v > 0:
         codes = 2.0 ** (meta.bench.adc_bits - 1) if meta.bench.adc_bits else 2.0**15

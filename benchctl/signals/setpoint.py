@@ -1,7 +1,7 @@
-"""The chamber's set point, of which a recording tells only where it goes to: its way is read off the air.
+"""Reconstruct the chamber's set point over time; a recording states only its target, so it is fitted to the air.
 
-In a ramp the set point moves evenly from where it was to where it goes, and then stands; the air follows with a lag.
-How long each ramp takes and the lag are fitted to the air.
+In a ramp the set point moves linearly from the old value to the target, and then stays constant; the air follows with a
+lag. The duration of each ramp and the lag are fitted to the air's temperature.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from benchctl_instruments.arrays import FloatArray
 
 _MOST_POINTS, _MOST_RAMPS = 6000, 40
 _LEAST_C, _LEAST_S = 1.0, 20.0
-"""Less is no ramp: a change that is smaller, or a set point that jumps."""
+"""Minimum change and duration of a ramp; a smaller change does not count, a faster one is a jump."""
 _LAG_S, _LONGEST_LAG_S = 30.0, 3600.0
 _CLOSE = 0.02
-"""Share of the range of the air by which the fit may miss it in the root mean square; else its way is not known."""
+"""Largest rms error of the fit as a share of the air's range; above it the set point is regarded as unknown."""
 
 
 def way_of_setpoint(infos: Sequence[StepInfo], time_s: FloatArray, air_c: FloatArray) -> FloatArray | None:
-    """−1 while the set point falls, 1 while it rises, 0 while it stands, shape (n,); None where that cannot be told.
+    """Return −1 while the set point falls, 1 while it rises, 0 while it is constant, shape (n,); None if unknown.
 
-    `time_s` and `air_c` (n,) are the air's, in the order of time.
+    `time_s` and `air_c` (n,) are those of the air, in order of time.
     """
     ramps = _ramps(infos)
     known = np.isfinite(air_c)
@@ -47,9 +47,11 @@ def way_of_setpoint(infos: Sequence[StepInfo], time_s: FloatArray, air_c: FloatA
             for ramp, s in zip(ramps, lasting, strict=True)
             for when, way in ((0.0, 0), (s, 1))
         ]
-        asked = np.interp(grid + 0.5 * apart_s, [at for at, _ in corners], [to for _, to in corners])
+        setpoint = np.interp(grid + 0.5 * apart_s, [at for at, _ in corners], [to for _, to in corners])
         share = -math.expm1(-apart_s / lag_s)
-        return np.asarray(scipy.signal.lfilter([share], [1.0, share - 1.0], asked, zi=[(1.0 - share) * asked[0]])[0])
+        return np.asarray(
+            scipy.signal.lfilter([share], [1.0, share - 1.0], setpoint, zi=[(1.0 - share) * setpoint[0]])[0]
+        )
 
     def missed(numbers: FloatArray) -> FloatArray:
         return (lagged(numbers) - air)[measured]
@@ -69,14 +71,14 @@ def way_of_setpoint(infos: Sequence[StepInfo], time_s: FloatArray, air_c: FloatA
 
 
 def _ramps(infos: Sequence[StepInfo]) -> list[tuple[float, float, float, float]]:
-    """When each change of the set point begins, from what and to what temperature, and when the next may."""
+    """Return start time, old and new temperature of each change of the set point, and the earliest time of the next."""
     found: list[tuple[float, float, float, float]] = []
     before: float | None = None
     for info in infos:
-        asked = info.chamber_setpoint_c
-        if not math.isfinite(asked):
+        setpoint_c = info.chamber_setpoint_c
+        if not math.isfinite(setpoint_c):
             continue
-        if before is not None and abs(asked - before) > _LEAST_C:
-            found.append((info.t_start, before, asked, info.t_end))
-        before = asked
+        if before is not None and abs(setpoint_c - before) > _LEAST_C:
+            found.append((info.t_start, before, setpoint_c, info.t_end))
+        before = setpoint_c
     return [one for one in found if one[3] - one[0] > _LEAST_S]

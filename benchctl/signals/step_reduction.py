@@ -1,11 +1,11 @@
-"""One step on its way to block means, taken part by part, so that no step need fit into memory.
+"""Reduce one step to block means, part by part, so that it need not fit into memory.
 
-A part goes on where the one before ended: what its last blocks left over, and the angles that the smoother needs about
-them, are kept and put before it. Sampling interval, smoother and delay are those of the first part. Where a table that
-keeps its rate has settled is looked for once a segment: a disturbance later on stays in the data, where robust fits
-can see it.
+Each part continues the previous one: samples after its last block, and the angles that the smoother needs near them,
+are kept and put before the next part. Sampling interval, smoother and delay are determined from the first part. The
+settling of a table at constant rate is searched for once per segment: a later disturbance stays in the data, where
+robust fits can detect it.
 
-`Blocks` are the block means of one segment: what is kept of it.
+`Blocks` are the block means of one segment.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Blocks:
 def samples_in_block(
     kind: str, frequency_hz: float | None, rate_dps: float, span_s: float, sample_rate_hz: float
 ) -> int:
-    """How many samples make a block: at most 40 ms and 1/32 of a cycle in motion, about 15° at constant rates."""
+    """Return the samples per block: at most 40 ms and 1/32 of a cycle in motion, about 15° at constant rates."""
     if kind == "static":
         seconds = REST_BLOCK_S
     elif kind == "constant_rate":
@@ -78,11 +78,11 @@ def samples_in_block(
 
 
 def delay_of(segment: Segment, smoother: Smoother) -> float:
-    """By how much the output follows the rate, s, from the first few thousand samples; 0 where nothing moves.
+    """Return the delay of the output behind the rate, s, from the first few thousand samples; 0 if nothing moves.
 
     The rate is regressed on the output, its cube and its derivative, all through one smoother, and again at the delay
-    found: good to some 10 µs, which is enough for a point to expand about. Not the other way round: the
-    derivative of the rate is the noisier one where the encoder is coarse.
+    found. The result is accurate to some 10 µs, enough as a point of expansion. The reverse regression is not used,
+    because the derivative of the rate has more noise if the encoder is coarse.
     """
     few = slice(0, _DELAY_SAMPLES)
     angle, integral = segment.angle_deg[few], _integral(segment.output_v[few], smoother.sample_rate_hz)
@@ -116,15 +116,15 @@ def delay_of(segment: Segment, smoother: Smoother) -> float:
 
 
 def _integral(output: FloatArray, sample_rate_hz: float) -> FloatArray:
-    """Integral of equidistant samples by a spline: what a sum of samples would be late with, shape (n,)."""
+    """Integrate equidistant samples by a spline, shape (n,); a sum of samples would be delayed."""
     stamps = np.arange(output.size) / sample_rate_hz
     return np.asarray(CubicSpline(stamps, output).antiderivative()(stamps), dtype=np.float64)
 
 
 def _smoothed_alike(segment: Segment, smoother: Smoother) -> tuple[FloatArray, BoolArray]:
-    """The output through the filter that the rate has passed, and which samples of it are bad, (n,) each.
+    """Return the output through the same filter as the rate, and flags of its bad samples, shape (n,) each.
 
-    For motion whose band is not known: what the smoother takes from a reversal it then takes from both. The output is
+    It is for motion of unknown band: the smoother's distortion of a reversal is then the same in both. The output is
     integrated by a spline and differentiated by the smoother.
     """
     smooth, where = derivative_of(_integral(segment.output_v, smoother.sample_rate_hz), smoother)
@@ -137,7 +137,7 @@ def _smoothed_alike(segment: Segment, smoother: Smoother) -> tuple[FloatArray, B
 def block_means(
     segment: Segment, smoother: Smoother, *, kind: str, frequency_hz: float | None, delay_s: float
 ) -> Blocks | None:
-    """Cut a segment into blocks and average; None where it is too short. Blocks with a bad sample are dropped."""
+    """Cut a segment into blocks and average; None if it is too short. Blocks with a bad sample are dropped."""
     moving = kind not in ("static", "constant_rate")
     where = places_in(segment, smoother, delay_s)
     samples = where.stop - where.start
@@ -175,7 +175,7 @@ def block_means(
     if moving:
         acceleration, jerk = mean_derivative(2, delay_s), mean_derivative(3, delay_s)
     if moving and frequency_hz is not None:
-        # Smoothed alike, the output's curvature over a block is mostly the smoother's own; the residual is noise.
+        # After equal smoothing, the output's curvature over a block is mostly the smoother's; the residual is noise.
         block_rate = np.add.reduceat(rate, edges[:-1]) / count
         variance = mean((rate - np.repeat(block_rate, lengths)) ** 2)
     return Blocks(
@@ -194,7 +194,7 @@ def block_means(
 
 
 def places_in(segment: Segment, smoother: Smoother, delay_s: float) -> slice:
-    """The samples of a segment that its blocks are of: those at which rates stand, both at their stamps and delayed."""
+    """Return the samples of a segment that its blocks use: those with a rate both at their stamps and delayed."""
     here = places_of_rate(segment.angle_deg.size, smoother)
     there = places_of_rate(segment.angle_deg.size, smoother, delay_s)
     first, last = max(here.start, there.start), min(here.stop, there.stop)
@@ -202,7 +202,7 @@ def places_in(segment: Segment, smoother: Smoother, delay_s: float) -> slice:
 
 
 def _rates(segment: Segment, smoother: Smoother, where: slice, delay_s: float) -> FloatArray:
-    """The rates, delayed, at these samples of a segment."""
+    """Return the delayed rates at these samples of a segment."""
     rate, there = derivative_of(segment.angle_deg, smoother, delay_s=delay_s)
     return rate[where.start - there.start : where.stop - there.start]
 
@@ -210,7 +210,7 @@ def _rates(segment: Segment, smoother: Smoother, where: slice, delay_s: float) -
 def _encoder_basis(
     angle_deg: FloatArray, rate_dps: FloatArray, delay_s: float, mean: Callable[[Numbers], Numbers]
 ) -> FloatArray:
-    """See `ReducedStep.encoder_basis`; `mean` makes block means."""
+    """Return `ReducedStep.encoder_basis`; `mean` computes block means."""
     around = np.exp(1j * np.deg2rad(angle_deg - rate_dps * delay_s))
     moving = np.deg2rad(rate_dps) / ARCSEC_PER_DEG * around
     once, twice = mean(moving), 2 * mean(moving * around)
@@ -219,22 +219,22 @@ def _encoder_basis(
 
 QUIET_BAND_HZ = 5.0
 FREE_MOTION_BAND_HZ = 2.0
-"""Band of the motion where a step in motion states no frequency."""
+"""Band of the motion if a step in motion states no frequency."""
 
 QUIET_KINDS = ("static", "constant_rate")
 _SHORTEST = 32
 _STAMPS = 1 << 16
-"""By so many the sampling interval is known."""
+"""Number of stamps from which the sampling interval is computed."""
 
 
 class TemperatureLine:
-    """Sums over parts, each about its own means, so that nothing is lost to large stamps."""
+    """Line fit by sums over parts, each about its own means, to avoid rounding errors with large stamps."""
 
     def __init__(self) -> None:
         self._sums: list[tuple[float, float, float, float, float]] = []
 
     def take(self, time_s: FloatArray, readings_c: FloatArray | None) -> None:
-        """More samples, (n,) each; None where there is no thermistor. Readings that are not finite are left out."""
+        """Add samples, (n,) each; None if there is no thermistor. Readings that are not finite are left out."""
         if readings_c is None:
             return
         good = np.isfinite(readings_c)
@@ -246,7 +246,7 @@ class TemperatureLine:
             self._sums.append((float(time_s.size), mean_s, float(readings_c.mean()), *about))
 
     def fitted(self) -> tuple[float, float]:
-        """Intercept at time 0 of the recording, °C, and slope, °C/s; NaN and 0 where there are no two readings."""
+        """Return intercept at time 0 of the recording, °C, and slope, °C/s; NaN and 0 for fewer than two readings."""
         if sum(part[0] for part in self._sums) < 2:
             return np.nan, 0.0
         count, mean_s, mean_c, squares, products = np.array(self._sums).T
@@ -257,18 +257,18 @@ class TemperatureLine:
 
 
 class StepReduction:
-    """Takes the parts of a step in order.
+    """Reads the parts of a step in order and collects its block means.
 
     Attributes
     ----------
     blocks
-        Of each segment, oldest first.
+        Block means of each segment, oldest first.
     interval_s, smoother, delay_s
-        By the first part.
+        Determined from the first part.
     unsettled
-        How many samples had not settled.
+        Number of samples before the table had settled.
     temperature
-        Of the thermistor.
+        Line through the thermistor's readings.
     """
 
     def __init__(self, first: Step, meta: Meta) -> None:
@@ -286,11 +286,11 @@ class StepReduction:
 
     @property
     def masked(self) -> int:
-        """How many samples were clipped, filled in or not finite."""
+        """Number of samples that were clipped, filled in or not finite."""
         return self._reader.masked
 
     def take(self, part: Step, *, last: bool) -> None:
-        """Take the next part, the first one among them; `last` where no other follows."""
+        """Read the next part, which may be the first; `last`: no other part follows."""
         self.temperature.take(part["time_s"], part.channels.get("gyro_temp_c"))
         segments = self._reader.take(part, last=last)
         found = list(self._settled(segments))
@@ -301,7 +301,7 @@ class StepReduction:
         self._reader.keep(None if last else self._not_done(segments[-1], found))
 
     def _average(self, segment: Segment, complete: bool) -> None:
-        """Blocks of a segment; where it ends, none after its last complete revolution if it has made one."""
+        """Average a segment; at its end, drop blocks after the last complete revolution if there is one."""
         blocks = block_means(
             segment,
             self.smoother,
@@ -319,7 +319,7 @@ class StepReduction:
             self._whole = self._begun = len(self.blocks)
 
     def _settled(self, segments: Sequence[Segment]) -> Iterator[tuple[Segment, bool]]:
-        """Segments in which the table has settled, and whether each ends behind a complete revolution."""
+        """Yield segments in which the table has settled, and whether each ends after a complete revolution."""
         kind, half = self._info.kind, self.smoother.half
         for segment in segments:
             goes_on, self._goes_on = self._goes_on and segment.first == 0, False
@@ -334,7 +334,7 @@ class StepReduction:
                     continue
                 first, self.unsettled = settled, self.unsettled + settled
             if kind == "constant_rate":
-                # The smoother's ends fall off both sides; complete revolutions are counted between them.
+                # The smoother loses samples at both ends; complete revolutions are counted between them.
                 inside = angle[first + half : end - half]
                 if not goes_on:
                     self._turned_deg = 0.0
@@ -345,7 +345,7 @@ class StepReduction:
             yield segment.cut(first, end), complete
 
     def _not_done(self, last: Segment, found: Sequence[tuple[Segment, bool]]) -> int | None:
-        """Where the next part goes on: behind the last block, with the angles about its end; None: nowhere."""
+        """Return where the next part continues: after the last block, with the angles near its end; None: nowhere."""
         if self._goes_on:
             segment, _ = found[-1]
             done = places_in(segment, self.smoother, self.delay_s or 0.0)
@@ -354,7 +354,7 @@ class StepReduction:
 
 
 def _smoother_for(first: Step, meta: Meta, interval_s: float) -> Smoother:
-    """By the motion in the first part: how much of it there is, how fast it may be, how coarse the angle."""
+    """Choose the smoother by the motion in the first part: its size, its largest frequency, the angle's resolution."""
     info, rate_hz = first.info, float(f"{1.0 / interval_s:.9g}")
     rate_rms = 1.0
     if info.kind not in QUIET_KINDS:
@@ -365,7 +365,7 @@ def _smoother_for(first: Step, meta: Meta, interval_s: float) -> Smoother:
 
 
 def _band_hz(info: StepInfo, sample_rate_hz: float) -> float:
-    """The band in which the rate must be faithful."""
+    """Return the band in which the rate must be accurate."""
     if info.kind in QUIET_KINDS:
         return min(QUIET_BAND_HZ, sample_rate_hz / 20)
     if info.frequency_hz is not None:
@@ -374,33 +374,33 @@ def _band_hz(info: StepInfo, sample_rate_hz: float) -> float:
 
 
 def _angle_noise_deg(bench: BenchFacts) -> float:
-    """Quantisation of the encoder as a standard deviation, deg; 1″ where its counts are not known."""
+    """Return the encoder's quantisation as a standard deviation, deg; 1″ if its counts are not known."""
     if bench.encoder_counts_per_rev > 0:
         return float(360.0 / bench.encoder_counts_per_rev / np.sqrt(12.0))
     return 1.0 / 3600.0
 
 
 RELATIVE_TOLERANCE = 2e-3
-"""Departure from the settled rate that still counts as settled: above eccentricity and ripple, far below a spin-up."""
+"""Relative deviation that still counts as settled: above eccentricity and ripple, far below a spin-up."""
 
 REST_TOLERANCE_DPS = 0.02
 MARGIN_S = 0.1
-"""Left out after the table has settled, so that the gyro's own filter settles too."""
+"""Time left out after the table has settled, so that the gyro's own filter settles too."""
 
 _FEWEST_RATES = 100
 
 
 def settled_from(angle_deg: FloatArray, smoother: Smoother, angle_noise_deg: float) -> int | None:
-    """First sample from which the table keeps its rate, 0 where it did so from the start; None where it never does.
+    """Return the first sample from which the table keeps its rate, 0 if from the start; None if it never does.
 
-    `angle_deg` are unwrapped angles. The settled rate is the median over the second half; only the first half is
-    searched, so that a disturbance later on stays in the data, where robust fits can see it.
+    `angle_deg` are unwrapped angles. The settled rate is the median over the second half. Only the first half is
+    searched, so that a later disturbance stays in the data, where robust fits can detect it.
     """
     where = places_of_rate(angle_deg.size, smoother)
     samples = where.stop - where.start
     if samples < 8:
         return None
-    # No rate changes much within half a window of the smoother.
+    # The rate hardly changes within half a window of the smoother.
     every = max(1, min(smoother.half, samples // _FEWEST_RATES))
     rate = rates_at(angle_deg, np.arange(where.start, where.stop, every), smoother)
     second_half = rate[rate.size // 2 :]
@@ -415,10 +415,10 @@ def settled_from(angle_deg: FloatArray, smoother: Smoother, angle_noise_deg: flo
 
 
 def whole_revolutions(angle_deg: FloatArray, turned_deg: float = 0.0) -> tuple[int, float, bool]:
-    """How many of the samples make complete revolutions, from the first on; all of them where there is not even one.
+    """Return how many samples make complete revolutions, from the first on; all of them if there is not even one.
 
-    `turned_deg` had been turned of one when they begin. Beside their number: how much of one has been turned where the
-    next sample is, and whether there was one.
+    `turned_deg` is the part of a revolution that was turned before them. Also return the part of a revolution that is
+    turned at the next sample, and whether there was a complete one.
     """
     travelled = turned_deg + np.abs(angle_deg - angle_deg[0])
     turns = int(travelled[-1] // 360.0)

@@ -1,9 +1,9 @@
-"""The gyro's thermistor over a whole recording: without its noise, how fast it changes, and through its pauses.
+"""The gyro's thermistor over a complete recording: denoised, with its rate of change, and through its pauses.
 
-A campaign records a stream a step, seconds long, and asks the thermistor now and then while it soaks. A slope that is
-made of one such stream is all noise. So all that was measured is laid on one grid of a second, and a straight line is
-fitted around each of its points, over a time that grows until it holds samples enough: two for the temperature, many
-for the slope.
+A campaign records one stream per step, seconds long, and reads the thermistor occasionally during a soak. A slope from
+one such stream is only noise. So all readings are averaged on one grid of one second, and a straight line is fitted
+around each grid point, over a time that grows until it contains enough samples: two for the temperature, many for the
+slope.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from benchctl_instruments.arrays import FloatArray
 
 _CELL_S = 1.0
 _REACHES_S = (6.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0)
-"""A line is fitted to so many seconds on either side, less and less to what is far: a housing takes minutes."""
+"""Half-widths of a line fit, with weights that decrease with distance; the time constant of a housing is minutes."""
 
 _STEADY = 50.0
-"""A reach is long enough where the slope's error [°C/s] is a sample's noise [°C] over so many seconds."""
+"""A half-width suffices if the slope's error [°C/s] is at most a sample's noise [°C] divided by this many seconds."""
 
 _PAUSE_S = 15.0
 _MOST_POINTS = 2000
 
 
 class Readings(NamedTuple):
-    """Times [s] and temperatures [°C], shape (n,) each, in any order; each is the mean of so many `samples`."""
+    """Times [s] and temperatures [°C], shape (n,) each, in any order; each is the mean of `samples` samples."""
 
     time_s: FloatArray
     temp_c: FloatArray
@@ -39,7 +39,7 @@ class Readings(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pause:
-    """What the thermistor [°C] did between two stretches, at equidistant `time_s`; arrays of shape (n,)."""
+    """The thermistor [°C] between two stretches, at equidistant `time_s`; arrays of shape (n,)."""
 
     interval_s: float
     time_s: FloatArray
@@ -49,22 +49,22 @@ class Pause:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thermistor:
-    """Temperature [°C] and its slope [°C/s] on a grid of cells, shape (m,), the first of them at `begin_s`."""
+    """Temperature [°C] and its slope [°C/s] on a grid of cells, shape (m,), the first one at `begin_s`."""
 
     begin_s: float
     temp_c: FloatArray
     temp_rate_c_per_s: FloatArray
     known: npt.NDArray[np.bool_]
-    """Cells in which something was measured, shape (m,)."""
+    """Cells that contain a measurement, shape (m,)."""
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Temperature and slope at some times, shape (n,) each."""
+        """Return temperature and slope at the given times, shape (n,) each."""
         place = (time_s - self.begin_s) / _CELL_S - 0.5
         cells = np.arange(self.temp_c.size)
         return np.interp(place, cells, self.temp_c), np.interp(place, cells, self.temp_rate_c_per_s)
 
     def pause(self, from_s: float, to_s: float) -> Pause | None:
-        """What is known of a pause; None where it is short, or nothing was measured in it."""
+        """Return the readings in a pause; None if it is short, or nothing was measured in it."""
         first, last = (int((at - self.begin_s) / _CELL_S) for at in (from_s, to_s))
         if to_s - from_s < _PAUSE_S or not self.known[first + 1 : last].any():
             return None
@@ -76,7 +76,7 @@ class Thermistor:
 
 
 def thermistor_of(measured: Sequence[Readings]) -> Thermistor:
-    """The thermistor from all that was measured of it."""
+    """Combine all readings of the thermistor."""
     time_s = np.concatenate([one.time_s for one in measured])
     temp_c = np.concatenate([one.temp_c for one in measured])
     samples = np.concatenate([np.broadcast_to(one.samples, one.time_s.shape) for one in measured])
@@ -102,7 +102,7 @@ def thermistor_of(measured: Sequence[Readings]) -> Thermistor:
 
 
 def _lines(sums: Sequence[FloatArray], reach_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Around every cell the line's value there, its slope, and Σ w·(t − mean t)²: each of shape (m,)."""
+    """Return the line's value at every cell, its slope, and Σ w·(t − mean t)²: each of shape (m,)."""
     reach = round(reach_s / _CELL_S)
     k = np.arange(-reach, reach + 1) * _CELL_S
     near = (1.0 - np.abs(k / (reach_s + _CELL_S)) ** 3) ** 3
@@ -124,12 +124,12 @@ def _lines(sums: Sequence[FloatArray], reach_s: float) -> tuple[FloatArray, Floa
 
 
 def _without_holes(sums: Sequence[FloatArray], temp: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Straight lines through what no line could be fitted to: a pause of hours, or a handful of samples."""
+    """Interpolate linearly where no line could be fitted: in a pause of hours, or with very few samples."""
     cells = np.arange(temp.size)
     fitted, measured = np.flatnonzero(~np.isnan(temp)), np.flatnonzero(sums[0] > 0.0)
     if fitted.size:
-        whole = np.interp(cells, fitted, temp[fitted])
+        filled = np.interp(cells, fitted, temp[fitted])
     else:
-        whole = np.interp(cells, measured, sums[3][measured] / sums[0][measured])
-    slope = np.gradient(whole, _CELL_S) if whole.size > 1 else np.zeros_like(whole)
-    return whole, np.where(np.isnan(rate), slope if fitted.size else 0.0, rate)
+        filled = np.interp(cells, measured, sums[3][measured] / sums[0][measured])
+    slope = np.gradient(filled, _CELL_S) if filled.size > 1 else np.zeros_like(filled)
+    return filled, np.where(np.isnan(rate), slope if fitted.size else 0.0, rate)

@@ -29,18 +29,18 @@ class Windows:
 
     @property
     def frequency_hz(self) -> FloatArray:
-        """The bins' frequencies [Hz], shape (size // 2 + 1,)."""
+        """The frequencies of the bins [Hz], shape (size // 2 + 1,)."""
         return scipy.fft.rfftfreq(self.size, self.interval_s)
 
     def spectra(self, values: FloatArray, bins: IntArray) -> ComplexArray:
-        """The spectrum of values (n,) in each window, at some bins (k,), shape (w, k); each window without its mean."""
+        """Return the spectrum of values (n,) in each window minus its mean, at some bins (k,), shape (w, k)."""
         cut = np.lib.stride_tricks.sliding_window_view(values, self.size)[self.starts]
         cut = (cut - cut.mean(axis=1, keepdims=True)) * hann(self.size, sym=False)
         return np.asarray(scipy.fft.rfft(cut, axis=1)[:, bins])
 
 
 def windows_of(usable: BoolArray, stretches: Sequence[slice], size: int, interval_s: float) -> Windows:
-    """The windows in stretches without gaps that hold none but usable rows, (n,)."""
+    """Return the windows in gap-free stretches that contain only usable rows, (n,)."""
     starts = [
         part.start + run.start + np.arange(0, run.stop - run.start - size + 1, size // 2)
         for part in stretches

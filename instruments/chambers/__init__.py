@@ -1,1 +1,1 @@
-"""Climate chambers, one file a model: a declared table of registers and a few hooks."""
+"""Drivers of climate chambers, one module per model: a declared table of registers and a few hooks."""

@@ -1,8 +1,8 @@
-"""A chamber with a CSZ EZT-430i controller over Modbus RTU, as `profiles/csz_ezt430i.toml` says.
+"""A chamber with a CSZ EZT-430i controller over Modbus RTU, as `profiles/csz_ezt430i.toml` declares.
 
 Not tried on hardware. Registers: EZT-430i Communications Manual, revision C, pages 4.8 to 5.7. Codes of register 39,
-bit of register 12 and the pause of 0.5 s: O. Hartbrich, csz_ezt430i. Where a chamber has another bit or decimal point:
-`changes = {"switch": {"bit": 1}, "decimals": 2}`. Whether it is set to degrees Celsius, no register tells.
+bit of register 12 and the pause of 0.5 s: O. Hartbrich, csz_ezt430i. For a chamber with another bit or decimal point:
+`changes = {"switch": {"bit": 1}, "decimals": 2}`. No register shows whether the unit is degrees Celsius.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from benchctl_instruments.chambers.profiled import ProfiledChamber
 
 
 class CszEzt430i(ProfiledChamber):
-    """A chamber behind a CSZ EZT-430i. Not tried on hardware; parameters as for `ProfiledChamber`."""
+    """Driver of a chamber with a CSZ EZT-430i. Not tried on hardware; parameters as for `ProfiledChamber`."""
 
     def __init__(self, address: str, **options: Any) -> None:
         super().__init__(address, profile=shipped_profile("csz_ezt430i"), **options)

@@ -3,14 +3,14 @@
 Not tried on hardware. Commands, answers and refusals: EspecNorthAmerica/ChamberConnectLibrary (p300.py) and
 akaeba/ATWG, see `benchctl_instruments.protocols.p300`. Numbers have one decimal.
 
-Only temperature is touched: a chamber with humidity control keeps it as its panel set it. The set point has an effect
-in mode CONSTANT only; it is accepted in STANDBY, and waits there. The low and high alarms are the limits of the set
-point at the same time: `set_limits` sets them, and air beyond them is an alarm.
+The driver controls temperature only: humidity control stays as set on the panel. The set point takes effect in mode
+CONSTANT only; it is accepted in STANDBY and stored until then. The low and high alarms are also the limits of the set
+point: `set_limits` sets them, and air outside them raises an alarm.
 
-What it does about faults: what is not answered in time, or cannot be read, is said once more on a new connection, as
-`links.lines` says, since a command states a value and not a change. CHB NOT READY is waited out, any other
-NA and a set point that is not kept is an `InstrumentError`, alarms come with every reading. Air that is stuck or stalls
-short is not seen in a reading; a soak that does not end shows it.
+Fault handling: a request without an answer in time, or with an unreadable answer, is repeated on a new connection as
+in `links.lines`, since a command states a value and not a change. CHB NOT READY is waited out; any other NA and a set
+point that is not kept raise `InstrumentError`; every reading includes the alarms. A single reading does not show air
+that is stuck or stalls short of the set point; a soak that does not end shows it.
 """
 
 from __future__ import annotations
@@ -37,26 +37,26 @@ Answer = TypeVar("Answer")
 
 
 class EspecP300(Instrument):
-    """A chamber behind an ESPEC P-300 or SCP-220. Not tried on hardware. Safe to call from several threads.
+    """Driver of a chamber with an ESPEC P-300 or SCP-220. Not tried on hardware. Thread-safe.
 
-    Power is the heater's alone: these controllers do not say how much the refrigerator takes away.
+    Power is that of the heater only: these controllers do not report the power of the refrigerator.
 
     Parameters
     ----------
     address
         `serial://DEVICE?baud=9600` (or as set on the controller), `tcp://HOST:10001` or `socket://HOST:PORT`.
     clock
-        Where waiting takes place.
+        The clock used for waiting.
     rs485_address
-        The chamber's number on RS-485, put before every request; None on RS-232 and through the box.
+        The chamber's number on RS-485, sent before every request; None on RS-232 and through the box.
     timeout_s
-        How long to wait for a connection and for an answer; wall time.
+        Timeout of a connection and of an answer; wall time.
     pause_s
-        Quiet time between two exchanges; one open driver leaves 0.3 s, the maker's library none.
+        Quiet time between two exchanges; one open driver leaves 0.3 s, the manufacturer's library none.
     ready_s
-        How long to go on asking where the chamber says that it, or its data, is not ready.
+        How long to repeat a request while the chamber reports that it, or its data, is not ready.
     alarm_words
-        What the codes of alarms mean, `{"12": "…"}`, from the chamber's manual: they have no public list.
+        Meanings of the alarm codes, `{"12": "…"}`, from the chamber's manual: no public list exists.
     reconnect, wire_log
         See `byte_link`.
     """
@@ -89,7 +89,7 @@ class EspecP300(Instrument):
         self._alarm_words = dict(alarm_words or {})
 
     def open(self) -> None:
-        """Connect and make sure that the right controller answers."""
+        """Connect and check that the right controller answers."""
         self._lines.open()
         try:
             self._ask(p300.TYPE_QUERY, p300.read_type)
@@ -104,19 +104,19 @@ class EspecP300(Instrument):
             raise
 
     def close(self) -> None:
-        """Let go of the link; safe to call twice, and never raises."""
+        """Close the link; safe to call twice, and never raises."""
         self._lines.close()
 
     def identify(self) -> Identity:
-        """The controller's name and the version of its program."""
+        """Return the controller's name and firmware version."""
         controller = self._ask(p300.TYPE_QUERY, p300.read_type)
         return Identity(manufacturer="ESPEC", model=controller, firmware=self._ask(p300.ROM_QUERY, str))
 
     def set_limits(self, low_c: float, high_c: float) -> None:
-        """Program the low and high alarms, which are the limits of the set point too.
+        """Program the low and high alarms, which are also the limits of the set point.
 
-        They go there in one line together with the present set point, or with the nearest one within them: the
-        controller takes no set point beyond its alarms, and no alarms that leave the set point outside.
+        They are sent in one line together with the present set point, or the nearest one within them: the controller
+        rejects a set point outside its alarms, and alarms that exclude the set point.
         """
         if not p300.tenths(low_c) < p300.tenths(high_c):
             raise UsageError(
@@ -127,7 +127,7 @@ class EspecP300(Instrument):
         self._put(setpoint_c=setpoint_c, high_c=high_c, low_c=low_c)
 
     def start(self) -> None:
-        """Conditioning on: mode CONSTANT. A program that runs is not ended: `InstrumentError`."""
+        """Switch conditioning on: mode CONSTANT. Raises `InstrumentError` if a program is running."""
         if p300.RUN in (mode := self._mode()):
             raise InstrumentError(
                 f"{self._who}: it runs a program and would not keep our set point; end the program on its panel"
@@ -135,12 +135,12 @@ class EspecP300(Instrument):
         self._enter(p300.CONSTANT, mode)
 
     def stop(self) -> None:
-        """Conditioning off: mode STANDBY, or OFF where its panel is switched off. The set point stays as it is."""
+        """Switch conditioning off: mode STANDBY, or OFF if the panel is switched off. The set point does not change."""
         if (mode := self._mode()) != p300.OFF:
             self._enter(p300.STANDBY, mode)
 
     def go_to(self, setpoint_c: float) -> None:
-        """A new set point between the alarms, confirmed; the air follows within the chamber's ramp."""
+        """Set a set point between the alarms and confirm it; the air follows within the chamber's ramp."""
         now = self._temperatures()
         if not (math.isfinite(setpoint_c) and now.low_c <= p300.tenths(setpoint_c) <= now.high_c):
             raise UsageError(
@@ -150,7 +150,7 @@ class EspecP300(Instrument):
         self._put(setpoint_c=setpoint_c)
 
     def read(self) -> ChamberReading:
-        """Air, set point, heater, alarms now."""
+        """Return air temperature, set point, heater power and alarms."""
         now = self._temperatures()
         return ChamberReading(
             temperature_c=now.air_c,
@@ -159,7 +159,7 @@ class EspecP300(Instrument):
             alarms=tuple(map(self._alarm, self._ask(p300.ALARM_QUERY, p300.read_alarms))),
         )
 
-    # What is read and written -----------------------------------------------------------------------------------------
+    # Reading and writing ----------------------------------------------------------------------------------------------
 
     def _temperatures(self) -> Temperatures:
         return self._ask(p300.TEMP_QUERY, p300.read_temperatures)
@@ -188,7 +188,7 @@ class EspecP300(Instrument):
         self._confirm(mode, self._mode)
 
     def _confirm(self, wanted: str, look: Callable[[], str]) -> None:
-        """Wait a little, in bench time, until a look shows what is wanted; else say what it shows instead."""
+        """Wait briefly, in bench time, until `look` returns the wanted state; otherwise raise `InstrumentError`."""
         started_s = self._clock.now()
         while (shown := look()) != wanted:
             if self._clock.now() - started_s >= CONFIRM_S:
@@ -207,7 +207,7 @@ class EspecP300(Instrument):
         self._exchange(command, lambda text: self._lines.tell(text, repeatable=True), p300.read_accepted)
 
     def _exchange(self, request: str, send: Callable[[str], str], read: Callable[[str], Answer]) -> Answer:
-        """What the answer says. One that cannot be read is asked for once more: lines have no checksum."""
+        """Return the parsed answer. An unreadable answer is requested a second time: lines have no checksum."""
         try:
             return read(self._until_ready(request, send))
         except UnreadableError as err:
@@ -222,7 +222,7 @@ class EspecP300(Instrument):
         return answer
 
     def _until_ready(self, request: str, send: Callable[[str], str]) -> str:
-        """The answer, once it is something else than that the chamber is not ready."""
+        """Return the answer as soon as it is not a "not ready" refusal."""
         started_s = self._clock.now()
         while True:
             line = send(p300.addressed(request, self._rs485_address))
@@ -231,9 +231,9 @@ class EspecP300(Instrument):
                 return line
             waited_s = self._clock.now() - started_s
             if reason not in p300.PASSING_REFUSALS or waited_s >= self._ready_s:
-                asked_for = f" for {waited_s:.1f} s" if waited_s > 0 else ""
+                duration = f" for {waited_s:.1f} s" if waited_s > 0 else ""
                 raise InstrumentError(
-                    f"{self._who}: {request!r} was refused{asked_for} with {line!r}: {p300.refusal_words(reason)}"
+                    f"{self._who}: {request!r} was refused{duration} with {line!r}: {p300.refusal_words(reason)}"
                 )
             self._clock.sleep(ASK_READY_S)
 

@@ -1,15 +1,14 @@
-"""What all chambers behind a Modbus controller do alike, and what such a controller keeps in its registers.
+"""The common part of the drivers of chambers with a Modbus controller, and its table of quantities in registers.
 
 | hook                   | default      | a controller's driver overrides it to                                  |
 |------------------------|--------------|------------------------------------------------------------------------|
-| `_check_controller()`  | (must)       | make sure, once connected, that the right controller answers           |
-| `_switch(on)`          | (must)       | turn conditioning on or off, confirmed                                 |
-| `identify()`           | (must)       | say who it is                                                          |
-| `read()`               | (must)       | read air, set point, power, alarms                                     |
+| `_check_controller()`  | (required)   | check after connecting that the right controller answers               |
+| `_switch(on)`          | (required)   | switch conditioning on or off, confirmed                               |
+| `identify()`           | (required)   | return the controller's identity                                       |
+| `read()`               | (required)   | read air, set point, power, alarms                                     |
 
-Its quantities are declared in a table, and read and written the same way. A driver declares its quantities in a table
-and never packs or scales a number itself. A write is never trusted: it is read back until the controller shows what it
-was told, or an error says what it shows instead.
+A driver declares its quantities in a table and never packs or scales a number itself. Every write is confirmed: it is
+read back until the controller shows the written value; otherwise an error reports the value that it shows.
 """
 
 from __future__ import annotations
@@ -36,16 +35,15 @@ WORDS: dict[Kind, int] = {"code": 1, "signed": 1, "f32": 2}
 
 CONFIRM_S, LOOK_AGAIN_S = 2.0, 0.1
 F32_TOLERANCE = 0.01
-PLAUSIBLE_C = (1e-6, 1e4)  # in the wrong word order 25.0 comes as 2.4e-41, and 200.3 as 1.1e8
+PLAUSIBLE_C = (1e-6, 1e4)  # 25.0 in the wrong word order reads as 2.4e-41, and 200.3 as 1.1e8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
     """One row of a controller's table.
 
-    `kind` is "code" (an unsigned whole number that stands for something), "signed" (two's complement with an implied
-    decimal point) or "f32". `decimals` are the digits behind the implied point; None: as many as the controller is set
-    to.
+    `kind` is "code" (an unsigned integer code), "signed" (two's complement with an implied decimal point) or "f32".
+    `decimals` is the number of digits after the implied point; None: the number set on the controller.
     """
 
     name: str
@@ -57,18 +55,18 @@ class Quantity:
 
 
 class QuantityTable:
-    """Reads and writes declared quantities of one unit.
+    """Read and write the declared quantities of one Modbus unit.
 
     Parameters
     ----------
     link
-        The unit.
+        The link to the unit.
     clock
-        Where waiting for a confirmation takes place.
+        The clock used while waiting for a confirmation.
     word_order
-        Of 32-bit numbers.
+        Word order of 32-bit numbers.
 
-    `decimals` is what the controller's own implied decimal point is worth; set it before scaled quantities are used.
+    `decimals` is the controller's own implied decimal point; set it before using scaled quantities.
     """
 
     def __init__(self, link: ModbusLink, *, clock: Clock, word_order: WordOrder = "high_first") -> None:
@@ -78,15 +76,15 @@ class QuantityTable:
         self.decimals = 0
 
     def read(self, quantity: Quantity) -> float:
-        """One quantity, in its unit."""
+        """Return one quantity in its unit."""
         return self._value(quantity, self._link.read(quantity.address, WORDS[quantity.kind]))
 
     def read_code(self, quantity: Quantity) -> int:
-        """One quantity that is a code."""
+        """Return one quantity that is a code."""
         return int(self.read(quantity))
 
     def read_together(self, quantities: Iterable[Quantity]) -> dict[str, float]:
-        """Several quantities by name; those in neighbouring registers come with one request."""
+        """Return several quantities by name; those in neighbouring registers are read with one request."""
         ordered = sorted(quantities, key=lambda quantity: quantity.address)
         values: dict[str, float] = {}
         for run in _runs(ordered):
@@ -98,7 +96,7 @@ class QuantityTable:
         return values
 
     def write(self, quantity: Quantity, value: float, *, once: bool = False) -> None:
-        """Write, without looking whether it had any effect."""
+        """Write a value without reading it back."""
         if not quantity.writable:
             raise UsageError(
                 f"{self._link.who}: {quantity.name} (register {quantity.address}) can only be read; leave it as it is"
@@ -106,16 +104,16 @@ class QuantityTable:
         self._link.write(quantity.address, self._words(quantity, value), once=once)
 
     def put(self, quantity: Quantity, value: float) -> None:
-        """Write, then read back until it is there; a value between two steps of the register goes to the nearer one."""
+        """Write a value, rounded to the register's nearest step, and read back until the register holds it."""
         self.write(quantity, value)
         self.confirm(quantity, self.kept(quantity, value))
 
     def kept(self, quantity: Quantity, value: float) -> float:
-        """What the register will hold of a value: the nearest that it can state."""
+        """Return the value rounded to the nearest one that the register can hold."""
         return self._decoded(quantity, self._words(quantity, value))
 
     def confirm(self, quantity: Quantity, value: float) -> None:
-        """Wait a little, in bench time, until a quantity has a value; else `InstrumentError` says which it has."""
+        """Wait briefly, in bench time, until a quantity has a value; otherwise raise `InstrumentError`."""
         tolerance = F32_TOLERANCE if quantity.kind == "f32" else 0.0
         started_s = self._clock.now()
         while abs((shown := self.read(quantity)) - value) > tolerance:
@@ -165,7 +163,7 @@ class QuantityTable:
 
 
 def _runs(ordered: list[Quantity]) -> list[list[Quantity]]:
-    """Quantities, ordered by address, parted where a register that is none of theirs lies between two."""
+    """Split quantities, ordered by address, into runs without unused registers between them."""
     runs: list[list[Quantity]] = []
     for quantity in ordered:
         last = runs[-1][-1] if runs else None
@@ -181,12 +179,12 @@ def _in_unit(value: float, quantity: Quantity) -> str:
 
 
 class ModbusChamber(Instrument, ABC):
-    """A chamber whose set point and set point limits are quantities in registers.
+    """Driver of a chamber whose set point and set point limits are quantities in registers.
 
     Parameters
     ----------
     link
-        The controller, not yet connected.
+        The link to the controller, not yet connected.
     table
         Its quantities.
     setpoint, low_limit, high_limit
@@ -203,7 +201,7 @@ class ModbusChamber(Instrument, ABC):
         self._high_limit = high_limit
 
     def open(self) -> None:
-        """Connect and make sure that the right controller answers."""
+        """Connect and check that the right controller answers."""
         self._link.open()
         try:
             self._check_controller()
@@ -218,11 +216,11 @@ class ModbusChamber(Instrument, ABC):
             raise
 
     def close(self) -> None:
-        """Let go of the link; safe to call twice, and never raises."""
+        """Close the link; safe to call twice, and never raises."""
         self._link.close()
 
     def set_limits(self, low_c: float, high_c: float) -> None:
-        """Program the controller's own set point limits, in an order in which low never passes high."""
+        """Program the controller's own set point limits, in an order in which low never exceeds high."""
         if not low_c < high_c:
             raise UsageError(f"{self._link.who}: set point limits {low_c:g} to {high_c:g} °C; give the lower one first")
         _, present_high_c = self._limits()
@@ -233,16 +231,16 @@ class ModbusChamber(Instrument, ABC):
             self._table.put(quantity, value)
 
     def start(self) -> None:
-        """Conditioning on."""
+        """Switch conditioning on."""
         self._switch(on=True)
 
     def stop(self) -> None:
-        """Conditioning off; the set point stays as it is."""
+        """Switch conditioning off; the set point does not change."""
         self._switch(on=False)
 
     def go_to(self, setpoint_c: float) -> None:
-        """A new set point within the controller's limits, confirmed; the air follows within the chamber's ramp."""
-        low_c, high_c = self._limits()  # as its registers keep them: 85.1 °C may be 85.0999985, or 85
+        """Set a set point within the controller's limits and confirm it; the air follows within the chamber's ramp."""
+        low_c, high_c = self._limits()  # as stored in the registers: 85.1 °C may be 85.0999985, or 85
         if not (math.isfinite(setpoint_c) and low_c <= self._table.kept(self._setpoint, setpoint_c) <= high_c):
             raise UsageError(
                 f"{self._link.who}: set point {setpoint_c:g} °C lies outside"
@@ -252,11 +250,11 @@ class ModbusChamber(Instrument, ABC):
 
     @abstractmethod
     def identify(self) -> Identity:
-        """Who it is."""
+        """Return the controller's identity."""
 
     @abstractmethod
     def read(self) -> ChamberReading:
-        """Air, set point, power, alarms now."""
+        """Return air temperature, set point, power and alarms."""
 
     @abstractmethod
     def _check_controller(self) -> None: ...

@@ -1,26 +1,26 @@
-"""A chamber profile: what a controller behind Modbus keeps in which register, declared in a TOML file.
+"""Chamber profiles: TOML files that declare the registers of a Modbus controller.
 
-A lab adds its own controller with such a file and without Python; `profiles/` holds the ones that come with the
-drivers, to copy from. Registers are numbered as on the wire, from 0. What the tables mean:
+A lab adds its own controller with such a file, without Python; `profiles/` holds the profiles that are shipped with the
+drivers, as examples. Registers are numbered from 0, as on the wire. Meaning of the tables:
 
 | table                       | what it declares                                                                      |
 |-----------------------------|---------------------------------------------------------------------------------------|
-| `name`, `source`            | what errors call the controller; where its numbers come from                          |
-| `[transport]`               | how it wants to be talked to                                                          |
+| `name`, `source`            | name of the controller in error messages; source of the numbers                       |
+| `[transport]`               | how the controller communicates                                                       |
 | `decimals`                  | the implied decimal point of numbers that do not state their own, or its register     |
-| `[[checks]]`                | registers that must hold certain codes, looked at when the chamber is opened          |
-| `[busy]`                    | a register that says that the controller is busy; it is waited for                    |
-| `[air]`                     | the air's temperature, and the codes that stand there instead of one                  |
-| `[setpoint]`                | the set point, what else takes it, and what makes the controller take it over         |
+| `[[checks]]`                | registers that must hold certain codes, checked when the chamber is opened            |
+| `[busy]`                    | a register that shows that the controller is busy; the driver waits for it            |
+| `[air]`                     | the air temperature, and the codes that replace it when it is invalid                 |
+| `[setpoint]`                | the set point, further registers for it, and how the controller accepts it            |
 | `[low_limit]` `[high_limit]`| the set point's limits; a controller without such registers has `kept_limits_c`       |
 | `[power]`                   | one number with its sign, or `[heating]` and `[cooling]`                              |
-| `[[input_errors]]`          | conditions in which there is no temperature                                           |
-| `[[alarms]]`                | conditions that stop a run; a latched one says what clears it                         |
-| `[[modes]]`                 | conditions in which the controller would not keep our set point                       |
+| `[[input_errors]]`          | conditions in which there is no valid temperature                                     |
+| `[[alarms]]`                | conditions that stop a run; a latched one states how to clear it                      |
+| `[[modes]]`                 | conditions in which the controller would not keep the set point                       |
 | `[switch]`                  | how conditioning is switched on and off                                               |
 
-A profile is read from its file into these tables, or refused in one line that names the file and the field that is
-wrong. The fields are also checked against each other, beyond what each of them may be by itself.
+A profile is parsed from its file into these tables, or rejected with one line that names the file and the invalid
+field. The fields are also checked against each other.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def _code(key: str) -> int:
 
 
 def number_of(key: str) -> float:
-    """A number that TOML brings as a key: 32767, -1, 0x7FFF, 9999.9; `ValueError` where it is none."""
+    """Return a number from a TOML key: 32767, -1, 0x7FFF, 9999.9; raises `ValueError` if the key is not a number."""
     try:
         number = float(key) if "0x" not in key.lower() else float(int(key, 0))
     except (ValueError, OverflowError):
@@ -101,7 +101,7 @@ BitTexts = Annotated[dict[str, Text], AfterValidator(_bit_keys)]
 
 
 class ProfileTable(BaseModel):
-    """What all tables of a profile have in common: no unknown fields, no infinite numbers."""
+    """Base class of all tables of a profile: no unknown fields, no infinite numbers."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -114,12 +114,12 @@ class Run(ProfileTable):
 
 
 class Transport(ProfileTable):
-    """How the controller wants to be talked to.
+    """Communication settings of the controller.
 
-    `functions` are those that it knows of 3 (read), 6 (write one) and 16 (write several); a single word goes with
-    function 6 where that is one of them. `baud` is that of a serial address that names none. `pause_s` is quiet time
-    between two exchanges. Neighbours are read together, at most `most_registers` of them, unless they belong to one of
-    the `runs`; registers in a `restricted` range (first, last) are never touched.
+    `functions` are the supported ones of 3 (read), 6 (write one) and 16 (write several); a single word is written with
+    function 6 if that is supported. `baud` is the speed of a serial address that states none. `pause_s` is quiet time
+    between two exchanges. Neighbouring registers are read together, at most `most_registers` of them, unless they
+    belong to one of the `runs`; registers in a `restricted` range (first, last) are never accessed.
     """
 
     functions: tuple[Literal[3, 6, 16], ...] = (3, 6, 16)
@@ -136,8 +136,8 @@ class Transport(ProfileTable):
 class Number(ProfileTable):
     """A number in a register.
 
-    `kind` is "signed" (two's complement) or "u16", both with an implied decimal point, or "f32". `decimals` are the
-    digits behind that point; without them as many as the profile says for all.
+    `kind` is "signed" (two's complement) or "u16", both with an implied decimal point, or "f32". `decimals` is the
+    number of digits after that point; by default the profile's `decimals`.
     """
 
     address: Address
@@ -146,10 +146,10 @@ class Number(ProfileTable):
 
 
 class AirTemperature(Number):
-    """The air's temperature.
+    """The air temperature.
 
-    `invalid` are numbers that stand there where there is no temperature, as the register holds them, before any decimal
-    point, with what they mean. What lies outside `valid_c` is no temperature either.
+    `invalid` maps register values that mark an invalid temperature, before the decimal point is applied, to their
+    meaning. Values outside `valid_c` are invalid too.
     """
 
     invalid: NumberTexts = Field(default_factory=dict)
@@ -157,7 +157,7 @@ class AirTemperature(Number):
 
 
 class Command(ProfileTable):
-    """A word to write, and where."""
+    """A word to write, and its register."""
 
     address: Address
     value: Word
@@ -172,10 +172,11 @@ class Setting(Number):
 class Setpoint(Number):
     """The set point.
 
-    `also` are further registers that take the same number. `readable` is false where the register can only be written.
-    `wears` says that it lies in a memory that endures a limited number of writes: then only a change is written. `run`
-    is a command without which the controller does not obey a new set point, and `taken` is where it shows the one that
-    it obeys: the one is given and the other looked at while the chamber conditions, and when that starts.
+    `also` are further registers that take the same number. `readable` is false if the register can only be written.
+    `wears` states that the register is in a memory with a limited number of writes: then only a changed value is
+    written. `run` is a command without which the controller does not follow a new set point, and `taken` is the
+    register that shows the set point that it follows: `run` is sent and `taken` checked while the chamber conditions,
+    and when conditioning starts.
     """
 
     also: tuple[Address, ...] = ()
@@ -186,11 +187,11 @@ class Setpoint(Number):
 
 
 class Condition(ProfileTable):
-    """A register that says how things are: fine, or not.
+    """A register that shows a status: normal, or not.
 
-    Either a code: `fine` are the codes in which all is well, `words` what others mean, `otherwise` what all the rest
-    mean. Or a status word: `bits` says what each bit means that matters. `clear` is what has to be written, by hand, to
-    clear it where it is latched.
+    Either a code: `fine` are the normal codes, `words` the meanings of others, `otherwise` the meaning of all remaining
+    ones. Or a status word: `bits` maps each relevant bit to its meaning. `clear` is the command that an operator must
+    send to clear a latched condition.
     """
 
     name: Text
@@ -202,7 +203,7 @@ class Condition(ProfileTable):
     clear: Command | None = None
 
     def stand(self, word: int) -> list[str]:
-        """What a word of the register says that is not fine, in words."""
+        """Return the texts of everything abnormal in a word of the register."""
         if self.bits:
             return [f"{self.name}: {text}" for bit, text in self.bits.items() if word >> int(bit, 0) & 1]
         if word in self.fine:
@@ -212,7 +213,7 @@ class Condition(ProfileTable):
 
 
 class Check(ProfileTable):
-    """A register that must hold one of the `expected` codes; `advice` is what to do where it does not."""
+    """A register that must hold one of the `expected` codes; `advice` is what to do if it does not."""
 
     name: Text
     address: Address
@@ -223,7 +224,7 @@ class Check(ProfileTable):
 class Busy(ProfileTable):
     """A register that holds one of the `free` codes while the controller can be used.
 
-    At most `wait_s` are waited; `advice` is what to do where that was not enough.
+    The driver waits at most `wait_s`; `advice` is what to do if that was not long enough.
     """
 
     address: Address
@@ -233,16 +234,16 @@ class Busy(ProfileTable):
 
 
 class NothingWired(ProfileTable):
-    """The chamber conditions while it has power; starting and stopping leave it so."""
+    """The chamber conditions while it has power; starting and stopping do not change that."""
 
     by: Literal["nothing"]
 
 
 class RegisterSwitch(ProfileTable):
-    """A register, often one of modes, that takes one code for on and another one for off.
+    """A register, often a mode register, that takes one code for on and another one for off.
 
-    `shown` is where the state is read, by default where it is written; of what is read only the bits of `mask` count.
-    `after_off` are numbers to write once it is off.
+    `shown` is the register from which the state is read, by default the written one; only the bits of `mask` are
+    compared. `after_off` are numbers to write after switching off.
     """
 
     by: Literal["register"]
@@ -261,9 +262,9 @@ class RegisterSwitch(ProfileTable):
 
 
 class BitSwitch(ProfileTable):
-    """A bit of a register whose other bits stay as they are; `on` is its state in which the chamber conditions.
+    """One bit of a register whose other bits do not change; `on` is its state while the chamber conditions.
 
-    `shown` is where the present bits are read, by default where they are written.
+    `shown` is the register from which the present bits are read, by default the written one.
     """
 
     by: Literal["bit"]
@@ -274,7 +275,7 @@ class BitSwitch(ProfileTable):
 
 
 class KeySwitch(ProfileTable):
-    """A key that changes the state with each press, written once and never again; `shown` is where the state is."""
+    """A key that changes the state with each press, written once and never repeated; `shown` holds the state."""
 
     by: Literal["key"]
     address: Address
@@ -295,7 +296,7 @@ Switch = Annotated[NothingWired | RegisterSwitch | BitSwitch | KeySwitch, Field(
 
 
 class Profile(ProfileTable):
-    """A controller; see the module for its tables. Made by `profile_file`, which also looks for contradictions."""
+    """A controller; the module describes its tables. Created by `profile_of`, which also checks for contradictions."""
 
     name: Text
     source: Text
@@ -325,7 +326,7 @@ RANGES: dict[NumberKind, tuple[float, float]] = {"u16": (0, 0xFFFF), "signed": (
 
 
 def contradiction(profile: Profile) -> str:
-    """The first thing that cannot be, in words that begin with the field; empty where there is none."""
+    """Return the first contradiction, in words that begin with the field; empty if there is none."""
     return next(_contradictions(profile), "")
 
 
@@ -406,7 +407,7 @@ def _outside(profile: Profile, field: str, first: int, count: int) -> Iterator[s
 
 
 def _overlaps(profile: Profile) -> Iterator[str]:
-    """Registers that would have to be two things; one that is twice the same is fine."""
+    """Yield registers that are declared with two different meanings; a repeated equal declaration is accepted."""
     spans: list[tuple[str, int, str, int]] = [
         (field, number.address, number.kind, WORDS[number.kind]) for field, number in numbers(profile)
     ]
@@ -420,7 +421,7 @@ def _overlaps(profile: Profile) -> Iterator[str]:
 
 
 def numbers(profile: Profile) -> Iterator[tuple[str, Number]]:
-    """Every number of a profile, with the name of its field."""
+    """Yield every number of a profile with the name of its field."""
     names = ("air", "setpoint", "low_limit", "high_limit", "power", "heating", "cooling")
     for name in names:
         number = getattr(profile, name)
@@ -436,7 +437,7 @@ def numbers(profile: Profile) -> Iterator[tuple[str, Number]]:
 
 
 def words(profile: Profile) -> Iterator[tuple[str, int]]:
-    """Every single register of a profile that holds no number, with the name of its field."""
+    """Yield every single register of a profile that holds no number, with the name of its field."""
     if profile.decimals_register is not None:
         yield "decimals_register", profile.decimals_register
     if profile.busy is not None:
@@ -462,23 +463,23 @@ def _written(profile: Profile) -> Iterator[tuple[str, Number]]:
 
 LONGEST_SHOWN = 60
 MOST_BYTES = 1 << 17
-"""Of a profile; ours have 2000."""
+"""Largest size of a profile; the shipped ones have about 2000 bytes."""
 MOST_DOTS = 200
-"""In a line. The time that Python's TOML reader takes for a dotted key grows with the square of its parts."""
+"""Most dots in a line. The time of Python's TOML reader for a dotted key grows with the square of its parts."""
 
 
 def profile_name(path: str | Path) -> str:
-    """What errors call the profile in a file."""
+    """Return the name of a profile in error messages."""
     return _printable(f"chamber profile {path}")
 
 
 def profile_text(path: Path) -> str:
-    """The text of a profile's file.
+    """Return the text of a profile's file.
 
     Raises
     ------
     UsageError
-        Where it cannot be read, is no file (a pipe might never end), not UTF-8, or too large to have been meant.
+        If it cannot be read, is not a regular file (a pipe might never end), is not UTF-8, or is too large.
     """
     name = profile_name(path)
     try:
@@ -489,7 +490,7 @@ def profile_text(path: Path) -> str:
         text = content.decode("utf-8")
     except OSError as err:
         raise UsageError(f"{name}: cannot be read: {reason(err)}") from err
-    except ValueError as err:  # not UTF-8, or a name that no file can have
+    except ValueError as err:  # not UTF-8, or an invalid file name
         raise UsageError(f"{name}: cannot be read as UTF-8 text: {_printable(str(err))}") from err
     if len(content) > MOST_BYTES:
         raise UsageError(f"{name}: is larger than {MOST_BYTES >> 10} KiB, which no profile needs")
@@ -498,18 +499,18 @@ def profile_text(path: Path) -> str:
 
 @cache
 def shipped_profile(name: str) -> Profile:
-    """One of the profiles that come with the drivers."""
+    """Return one of the profiles shipped with the drivers."""
     text = files("benchctl_instruments.chambers.profiles").joinpath(f"{name}.toml").read_text(encoding="utf-8")
     return parse_profile(text, f"chamber profile {name}.toml")
 
 
 def parse_profile(text: str, name: str) -> Profile:
-    """The profile that a TOML text declares; `name` is what errors call the text.
+    """Return the profile that a TOML text declares; `name` is its name in error messages.
 
     Raises
     ------
     UsageError
-        Where it is too large, is not TOML, or declares what cannot be; names the first wrong field.
+        If it is too large, is not TOML, or is invalid; the message names the first invalid field.
     """
     if len(text) > MOST_BYTES:
         raise UsageError(f"{name}: {len(text)} characters, expected at most {MOST_BYTES}")
@@ -518,13 +519,13 @@ def parse_profile(text: str, name: str) -> Profile:
             raise UsageError(f"{name}, line {number}: {dots} dots, expected at most {MOST_DOTS} in a line")
     try:
         document = tomllib.loads(text)
-    except (ValueError, RecursionError) as err:  # also numbers of thousands of digits, and nesting as deep
+    except (ValueError, RecursionError) as err:  # also numbers of thousands of digits, and equally deep nesting
         raise UsageError(f"{name}: not TOML: {_printable(in_line(str(err)))}") from err
     return profile_of(document, name)
 
 
 def changed(profile: Profile, changes: Mapping[str, Any], name: str) -> Profile:
-    """A profile with some of its fields given anew, table by table; lists are replaced as a whole."""
+    """Return a profile with some fields replaced, table by table; lists are replaced completely."""
     if not isinstance(changes, Mapping):
         raise UsageError(f"{name}: expected a table with fields of the profile, got {_shown(changes)}")
     document = profile.model_dump(exclude_unset=True)
@@ -534,13 +535,13 @@ def changed(profile: Profile, changes: Mapping[str, Any], name: str) -> Profile:
 
 
 def profile_of(document: Mapping[str, Any], name: str) -> Profile:
-    """The profile that a document declares; `name` is what errors call it."""
+    """Return the profile that a document declares; `name` is its name in error messages."""
     try:
         profile = Profile.model_validate(document)
     except ValidationError as err:
         raise UsageError(f"{name}, {_first_fault(err)}") from err
-    if says := contradiction(profile):
-        raise UsageError(f"{name}, {says}")
+    if fault := contradiction(profile):
+        raise UsageError(f"{name}, {fault}")
     return profile
 
 

@@ -1,8 +1,8 @@
-"""A chamber behind any Modbus controller that a profile describes; what profiles can say is told in `profile`.
+"""A chamber with any Modbus controller that a profile describes; see `profile` for what profiles declare.
 
-What it does about faults: those of the link as `links.modbus.ModbusLink` says, where nothing is written
-twice that toggles. An exception, an over-range code, a latched fault and what is written and does not arrive are an
-`InstrumentError`; alarms come with every reading. Air that is stuck or stalls short is not seen in a reading; a soak
+Fault handling: link faults as in `links.modbus.ModbusLink`, and writes that toggle a state are never repeated. An
+exception, an over-range code, a latched fault and a written value that does not arrive raise `InstrumentError`; every
+reading includes the alarms. A single reading does not show air that is stuck or stalls short of the set point; a soak
 that does not end shows it.
 """
 
@@ -33,21 +33,21 @@ from benchctl_instruments.protocols.modbus import WordOrder
 
 
 class ProfiledChamber(ModbusChamber):
-    """A chamber as its profile describes it. Not tried on hardware.
+    """Driver of a chamber as its profile describes it. Not tried on hardware.
 
     Parameters
     ----------
     address
         `serial://DEVICE?baud=9600` or `socket://HOST:PORT` for Modbus RTU, `tcp://HOST:PORT` for Modbus TCP. A serial
-        address without a speed takes the profile's.
+        address without a speed uses the profile's.
     profile
-        The controller.
+        The controller's profile.
     clock
-        Where waiting takes place.
+        The clock used for waiting.
     changes
-        Fields of the profile to be taken otherwise, in its own tables: `{"switch": {"bit": 1}}`.
+        Fields of the profile to replace, in its own tables: `{"switch": {"bit": 1}}`.
     word_order, unit_id, pause_s, timeout_s
-        In place of the profile's.
+        Replace the profile's values.
     retry, wire_log
         See `ModbusLink`.
     """
@@ -90,7 +90,7 @@ class ProfiledChamber(ModbusChamber):
         self._also = [replace(setpoint, address=address) for address in profile.setpoint.also]
         self._taken = self._shown(profile.setpoint.taken, "set point taken over", "°C")
         self._run = profile.setpoint.run
-        self._sent_c: float | None = None  # the set point that we gave it last
+        self._sent_c: float | None = None  # the last set point that this driver sent
         self._air = quantity_of(profile.air, "air temperature", "°C", profile=profile)
         self._power = self._shown(profile.power, "power", "%")
         self._heating = self._shown(profile.heating, "heating", "%")
@@ -101,16 +101,16 @@ class ProfiledChamber(ModbusChamber):
         self._reading = (self._air, self._obeyed, *powers, *_registers(profile.input_errors + profile.alarms))
 
     def identify(self) -> Identity:
-        """What the profile says; the controller is not asked."""
+        """Return the identity stated in the profile, without a request to the controller."""
         return Identity(manufacturer=self._profile.manufacturer, model=self._profile.model)
 
     def set_limits(self, low_c: float, high_c: float) -> None:
-        """Program the controller's own set point limits; where it has none they are kept here."""
+        """Program the controller's own set point limits; without registers for them, the driver keeps the limits."""
         self._wait_until_free()
         super().set_limits(low_c, high_c)
 
     def go_to(self, setpoint_c: float) -> None:
-        """A new set point, confirmed; where the controller has to take it over, that too if the chamber conditions."""
+        """Set a set point and confirm it; if the chamber conditions, also confirm that the controller follows it."""
         self._wait_until_free()
         super().go_to(setpoint_c)
         for register in self._also:
@@ -120,9 +120,9 @@ class ProfiledChamber(ModbusChamber):
             self._take_over()
 
     def read(self) -> ChamberReading:
-        """Air, set point, power, alarms now; what says that there is no temperature is an `InstrumentError`.
+        """Return air temperature, set point, power and alarms; raises `InstrumentError` if there is no temperature.
 
-        Power is heating less the size of cooling, NaN where the profile has no register for it.
+        Power is heating minus the magnitude of cooling, NaN if the profile has no register for it.
         """
         words = self._look(self._reading)
         if errors := _standing(self._profile.input_errors, words):
@@ -144,8 +144,8 @@ class ProfiledChamber(ModbusChamber):
                     f" {check.advice}"
                 )
         self._read_decimals()
-        words = self._look(self._reading)  # every register that a reading needs is there
-        self._registers.value_of(self._obeyed, words)  # in the wrong word order it is none; a broken sensor may wait
+        words = self._look(self._reading)  # checks that every register of a reading exists
+        self._registers.value_of(self._obeyed, words)  # raises if the word order is wrong, not for a broken sensor
 
     def _read_decimals(self) -> None:
         address = self._profile.decimals_register
@@ -162,7 +162,7 @@ class ProfiledChamber(ModbusChamber):
     def _switch(self, *, on: bool) -> None:
         try:
             self._wait_until_free()
-        except InstrumentError:  # a stop is tried all the same, and what it has come to is looked at
+        except InstrumentError:  # a stop is attempted anyway, and its result is checked
             if on:
                 raise
         if on:
@@ -185,7 +185,7 @@ class ProfiledChamber(ModbusChamber):
             )
 
     def _take_over(self) -> None:
-        """Make the controller obey the set point that it has been given, where that is a step of its own."""
+        """Make the controller follow the set point that was written, if that needs a separate step."""
         if self._run is not None:
             self._registers.write(code("run command", self._run.address, writable=True), self._run.value)
         if self._taken is not None and self._sent_c is not None:
@@ -204,7 +204,7 @@ class ProfiledChamber(ModbusChamber):
         self._look(())
 
     def _look(self, quantities: Iterable[Quantity]) -> dict[int, int]:
-        """Registers of a controller that is not busy; waited for, in bench time, as long as the profile says."""
+        """Return the registers once the controller is not busy; waits, in bench time, as long as the profile states."""
         busy = self._profile.busy
         if busy is None:
             return self._registers.read_words(quantities)
@@ -224,9 +224,9 @@ class ProfiledChamber(ModbusChamber):
 
 
 def _limits_of(profile: Profile, setpoint: ProfiledQuantity) -> tuple[Quantity, Quantity, dict[str, float]]:
-    """The set point's limits, and by name the values of those for which the controller has no register.
+    """Return the set point's limits, and by name the values of those for which the controller has no register.
 
-    Those are kept to the steps of the set point's own register, so that a set point may lie on a limit.
+    These are rounded to the steps of the set point's own register, so that a set point may equal a limit.
     """
     names = ("set point low limit", "set point high limit")
     if profile.low_limit is not None and profile.high_limit is not None:
@@ -244,7 +244,7 @@ def _registers(conditions: Iterable[Condition]) -> list[ProfiledQuantity]:
 
 
 def _standing(conditions: Iterable[Condition], words: Mapping[int, int]) -> list[str]:
-    """What is not fine, in words, and how it is cleared where it is latched; nothing is ever cleared here."""
+    """Return the texts of abnormal conditions, and how a latched one is cleared; nothing is cleared here."""
     found = []
     for condition in conditions:
         clear = condition.clear
@@ -254,10 +254,10 @@ def _standing(conditions: Iterable[Condition], words: Mapping[int, int]) -> list
             else f" (latched; once its cause is gone, write {clear.value} to register {clear.address})"
         )
         found += [f"{text}{how}" for text in condition.stand(words[condition.address])]
-    return list(dict.fromkeys(found))  # two registers may say the same
+    return list(dict.fromkeys(found))  # two registers may report the same
 
 
 def _with_baud(address: str, baud: int | None) -> str:
-    """The address, with the profile's speed where it is a serial one that names none."""
+    """Return the address with the profile's speed added if it is a serial address that states none."""
     parsed = parse_address(address)
     return f"{address}?baud={baud}" if parsed.scheme == "serial" and parsed.baud is None and baud else address

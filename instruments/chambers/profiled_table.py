@@ -1,10 +1,11 @@
 """The registers of a controller that a profile declares: read in its runs, written with its functions.
 
-What `QuantityTable` does for the drivers written in Python, and beside it what profiles can declare: unsigned numbers
-with an implied decimal point, codes that stand where there is no temperature, registers that wear out or cannot be read
-back, and limits for which the controller has no registers, which then live here.
+Extends `QuantityTable` of the drivers written in Python by what profiles can declare: unsigned numbers with an implied
+decimal point, codes that mark an invalid temperature, registers that wear out or cannot be read back, and limits for
+which the controller has no registers, which are stored here.
 
-A profile also declares how conditioning is switched on and off; each way does it, confirms it and can read it back.
+A profile also declares how conditioning is switched on and off; each class for one way switches, confirms and reads the
+state.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from benchctl_instruments.links.modbus import ModbusLink
 
 WRITE_ONE = 6
 NOWHERE = -1
-"""The address of what lives in the table itself."""
+"""The address of quantities stored in the table itself."""
 
 ADVICE = "check the chamber's sensor and its wiring"
 
@@ -40,9 +41,9 @@ ADVICE = "check the chamber's sensor and its wiring"
 class ProfiledQuantity(Quantity):
     """A row of the table as a profile declares it.
 
-    A "code" with `decimals` is an unsigned number; of a code only the bits of `mask` count. `invalid` are the numbers,
-    as the register holds them, that are no temperature, and `valid` the range outside which there is none; with
-    `wears` only a change is written, without `readable` nothing is read back.
+    A "code" with `decimals` is an unsigned number; only the bits of `mask` of a code are compared. `invalid` are the
+    numbers, as stored in the register, that mark an invalid temperature, and `valid` is the range of valid ones; with
+    `wears` only a changed value is written; without `readable` nothing is read back.
     """
 
     mask: int = 0xFFFF
@@ -53,7 +54,7 @@ class ProfiledQuantity(Quantity):
 
 
 def quantity_of(number: Number, name: str, unit: str, *, profile: Profile, writable: bool = False) -> ProfiledQuantity:
-    """A number of a profile as a row of the table; it has the controller's decimal point where it states none."""
+    """Return a number of a profile as a row of the table, by default with the controller's decimal point."""
     air = number if isinstance(number, AirTemperature) else None
     setpoint = number if isinstance(number, Setpoint) else None
     decimals = number.decimals
@@ -74,18 +75,18 @@ def quantity_of(number: Number, name: str, unit: str, *, profile: Profile, writa
 
 
 class ProfiledTable(QuantityTable):
-    """A `QuantityTable` that keeps to a profile.
+    """A `QuantityTable` that follows a profile.
 
     Parameters
     ----------
     link
-        The controller.
+        The link to the controller.
     clock
-        Where waiting for a confirmation takes place.
+        The clock used while waiting for a confirmation.
     profile
-        How it wants to be talked to.
+        The controller's profile.
     kept
-        Quantities that live here and in no register, by name, with the values that they have at first.
+        Quantities stored here and in no register, by name, with their initial values.
     """
 
     def __init__(self, link: ModbusLink, *, clock: Clock, profile: Profile, kept: Mapping[str, float]) -> None:
@@ -95,30 +96,30 @@ class ProfiledTable(QuantityTable):
         self.decimals = profile.decimals
 
     def read(self, quantity: Quantity) -> float:
-        """One quantity, in its unit."""
+        """Return one quantity in its unit."""
         return self.read_together((quantity,))[quantity.name]
 
     def read_together(self, quantities: Iterable[Quantity]) -> dict[str, float]:
-        """Several quantities by name, with as few requests as the controller allows."""
+        """Return several quantities by name, with as few requests as the controller allows."""
         wanted = list(quantities)
         words = self.read_words(wanted)
         return {quantity.name: self.value_of(quantity, words) for quantity in wanted}
 
     def read_words(self, quantities: Iterable[Quantity]) -> dict[int, int]:
-        """The registers of several quantities, and of the runs that they lie in, by address."""
+        """Return the registers of several quantities, and of the runs that contain them, by address."""
         words: dict[int, int] = {}
         for first, count in self._requests(quantities):
             words |= zip(range(first, first + count), self._link.read(first, count), strict=True)
         return words
 
     def value_of(self, quantity: Quantity, words: Mapping[int, int]) -> float:
-        """A quantity, in its unit, from registers that were read before."""
-        if quantity.name in self._kept:  # as the register would hold it, were there one
+        """Return a quantity in its unit from registers that have been read."""
+        if quantity.name in self._kept:  # rounded as a register would store it
             return self.kept(quantity, self._kept[quantity.name])
         return self._value(quantity, [words[quantity.address + place] for place in range(WORDS[quantity.kind])])
 
     def write(self, quantity: Quantity, value: float, *, once: bool = False) -> None:
-        """Write, without looking whether it had any effect."""
+        """Write a value without reading it back."""
         if quantity.name in self._kept:
             self._kept[quantity.name] = value
             return
@@ -127,7 +128,7 @@ class ProfiledTable(QuantityTable):
         self._link.write(quantity.address, words, several=several, once=once)
 
     def put(self, quantity: Quantity, value: float) -> None:
-        """Write, then read back until it is there; what wears out is not written again where it is there already."""
+        """Write a value and read it back; a register that wears is not rewritten with an equal value."""
         kept = self.kept(quantity, value)
         if isinstance(quantity, ProfiledQuantity):
             if quantity.wears and self.read(quantity) == kept:
@@ -139,7 +140,7 @@ class ProfiledTable(QuantityTable):
         self.confirm(quantity, kept)
 
     def _requests(self, quantities: Iterable[Quantity]) -> list[tuple[int, int]]:
-        """First register and number of registers of each request: declared runs, and neighbours joined."""
+        """Return first register and number of registers of each request: declared runs, and joined neighbours."""
         runs: set[tuple[int, int]] = set()
         joined: list[tuple[int, int]] = []
         spans = {(quantity.address, WORDS[quantity.kind]) for quantity in quantities if quantity.name not in self._kept}
@@ -156,7 +157,7 @@ class ProfiledTable(QuantityTable):
         return sorted([*runs, *joined])
 
     def _declared(self, first: int, count: int) -> tuple[int, int] | None:
-        """The run that some registers lie in."""
+        """Return the run that contains some registers, or None."""
         for run in self._transport.runs:
             if run.first <= first and first + count <= run.first + run.count:
                 return run.first, run.count
@@ -174,15 +175,15 @@ class ProfiledTable(QuantityTable):
         return [word]
 
     def _value(self, quantity: Quantity, words: list[int]) -> float:
-        if isinstance(quantity, ProfiledQuantity) and (says := self._no_temperature(quantity, words)):
+        if isinstance(quantity, ProfiledQuantity) and (fault := self._no_temperature(quantity, words)):
             raise InstrumentError(
-                f"{self._link.who}: no valid temperature, {quantity.name} (register {quantity.address}) {says};"
+                f"{self._link.who}: no valid temperature, {quantity.name} (register {quantity.address}) {fault};"
                 f" {ADVICE}"
             )
         return super()._value(quantity, words)
 
     def _no_temperature(self, quantity: ProfiledQuantity, words: list[int]) -> str:
-        """What is wrong with a number that is none, or no temperature; empty where nothing is."""
+        """Return what is wrong with a number or temperature; empty if it is valid."""
         value = self._decoded(quantity, words)
         if math.isnan(value) and quantity.unit == "°C":
             return "reads no number (NaN)"
@@ -205,17 +206,17 @@ NAME = "conditioning"
 
 
 class Conditioning(Protocol):
-    """One way to switch."""
+    """One way to switch conditioning."""
 
     def turn(self, *, on: bool) -> None:
-        """Switch, confirmed; harmless where it is so already."""
+        """Switch and confirm; no effect if the state is already correct."""
 
     def is_on(self) -> bool:
-        """Whether the chamber conditions, as its registers say."""
+        """Return whether the chamber conditions according to its registers."""
 
 
 def conditioning_of(profile: Profile, table: ProfiledTable) -> Conditioning:
-    """The way that a profile declares."""
+    """Return the way of switching that a profile declares."""
     switch = profile.switch
     if isinstance(switch, RegisterSwitch):
         return ByRegister(switch, profile, table)
@@ -227,18 +228,18 @@ def conditioning_of(profile: Profile, table: ProfiledTable) -> Conditioning:
 
 
 class AlwaysOn:
-    """Nothing is wired: the chamber conditions while it has power."""
+    """No switch is wired: the chamber conditions while it has power."""
 
     def turn(self, *, on: bool) -> None:
-        """Nothing to switch."""
+        """Do nothing."""
 
     def is_on(self) -> bool:
-        """Always."""
+        """Return True."""
         return True
 
 
 class ByRegister:
-    """A code for on, another one for off, and perhaps numbers to write once it is off."""
+    """A code for on, another one for off, and optional numbers to write after switching off."""
 
     def __init__(self, switch: RegisterSwitch, profile: Profile, table: ProfiledTable) -> None:
         self._table = table
@@ -251,7 +252,7 @@ class ByRegister:
         ]
 
     def turn(self, *, on: bool) -> None:
-        """Write the code, wait until it shows."""
+        """Write the code and wait until the register shows it."""
         wanted = self._switch.on if on else self._switch.off
         self._table.write(self._written, wanted)
         self._table.confirm(self._shown, wanted & self._switch.mask)
@@ -259,7 +260,7 @@ class ByRegister:
             self._finish_off()
 
     def is_on(self) -> bool:
-        """Whether the code for on shows."""
+        """Return whether the register shows the code for on."""
         return self._table.read_code(self._shown) == self._switch.on & self._switch.mask
 
     def _finish_off(self) -> None:
@@ -271,7 +272,7 @@ class ByRegister:
 
 
 class ByBit:
-    """A bit of a register; the other bits are written as they were read."""
+    """One bit of a register; the other bits are written as they were read."""
 
     def __init__(self, switch: BitSwitch, table: ProfiledTable) -> None:
         self._table = table
@@ -283,19 +284,19 @@ class ByBit:
         self._shown = code(f"{NAME}, bit {switch.bit}", shown, mask=self._bit)
 
     def turn(self, *, on: bool) -> None:
-        """Read all bits, write them with this one changed, wait until it shows."""
+        """Read all bits, write them with this one changed, and wait until the register shows it."""
         wanted = self._bit if on == self._set_is_on else 0
         present = self._table.read_code(self._all_bits)
         self._table.write(self._written, present & ~self._bit | wanted)
         self._table.confirm(self._shown, wanted)
 
     def is_on(self) -> bool:
-        """Whether the bit shows its state for on."""
+        """Return whether the bit is in its state for on."""
         return bool(self._table.read_code(self._shown)) == self._set_is_on
 
 
 class ByKey:
-    """A key that changes the state with each press: pressed once where it must be, for a second press would undo it."""
+    """A key that changes the state with each press; pressed only once: a second press would undo the first."""
 
     def __init__(self, switch: KeySwitch, table: ProfiledTable) -> None:
         self._table = table
@@ -304,19 +305,19 @@ class ByKey:
         self._shown = code(NAME, switch.shown, mask=switch.mask)
 
     def turn(self, *, on: bool) -> None:
-        """Press where the state is not yet as wanted, wait until it is."""
+        """Press the key if the state differs from the wanted one, and wait until it is reached."""
         wanted = (self._switch.on if on else self._switch.off) & self._switch.mask
         if self._table.read_code(self._shown) != wanted:
             self._table.write(self._key, self._switch.press, once=True)
             self._table.confirm(self._shown, wanted)
 
     def is_on(self) -> bool:
-        """Whether the code for on shows."""
+        """Return whether the register shows the code for on."""
         return self._table.read_code(self._shown) == self._switch.on & self._switch.mask
 
 
 def code(name: str, address: int, *, mask: int = 0xFFFF, writable: bool = False) -> ProfiledQuantity:
-    """A register that holds a code."""
+    """Return a quantity for a register that holds a code."""
     return ProfiledQuantity(name=name, address=address, kind="code", decimals=0, mask=mask, writable=writable)
 
 

@@ -1,19 +1,19 @@
 """A chamber with a Watlow Series F4 controller (F4S, F4D) over Modbus RTU.
 
 Not tried on hardware. Register numbers and codes: EspecNorthAmerica/ChamberConnectLibrary (F4), and for 101, 102 and
-106 the F4P user manual, Watlow 2003, chapter 9. Numbers are signed 16-bit with an implied decimal point, whose place
-the controller keeps in register 606.
+106 the F4P user manual, Watlow 2003, chapter 9. Numbers are signed 16-bit with an implied decimal point, whose position
+the controller stores in register 606.
 
-What it does about faults: those of the link as `ModbusLink` says; every register that is written takes a value and no
-change, so writing twice does no harm. Further:
+Fault handling: link faults as in `ModbusLink`; every written register takes a value and not a change, so a repeated
+write is harmless. In addition:
 
-| what goes wrong                             | what is done                                                        |
+| fault                                       | handling                                                            |
 |---------------------------------------------|---------------------------------------------------------------------|
 | an exception                                | `InstrumentError`, never repeated                                   |
-| the sensor is over or under range           | `InstrumentError` from `read`: there is no temperature              |
+| the sensor is over or under range           | `InstrumentError` from `read`: there is no valid temperature        |
 | a set point or switch that does not arrive  | `InstrumentError` after 2 s of reading back                         |
-| an alarm                                    | stated with every reading, until it is cleared at the controller    |
-| air that is stuck, or stalls short          | nothing: one reading does not show it, a soak that does not end does |
+| an alarm                                    | included in every reading until it is cleared at the controller     |
+| air that is stuck, or stalls short          | not detectable from one reading; a soak that does not end shows it  |
 """
 
 from __future__ import annotations
@@ -53,21 +53,21 @@ MOST_DECIMALS = 3
 
 
 class WatlowF4(ModbusChamber):
-    """A chamber behind a Watlow F4. Not tried on hardware.
+    """Driver of a chamber with a Watlow F4. Not tried on hardware.
 
     Parameters
     ----------
     address
         `serial://DEVICE?baud=19200` (or 9600, as set on the controller), or `socket://HOST:PORT`.
     clock
-        Where waiting takes place.
+        The clock used for waiting.
     unit_id
         Modbus address of the controller.
     on_event
-        The event (digital output) that the chamber's maker wired to conditioning on/off. None: nothing is wired, the
-        chamber conditions while it has power, and `start` and `stop` leave it so.
+        The event (digital output) that the chamber's manufacturer wired to conditioning on/off. None: nothing is wired,
+        the chamber conditions while it has power, and `start` and `stop` do not change that.
     pause_s
-        Quiet time on the line between two exchanges; the controller wants 30 ms.
+        Quiet time on the line between two exchanges; the controller requires 30 ms.
     timeout_s, retry, wire_log
         See `ModbusLink`.
     """
@@ -101,7 +101,7 @@ class WatlowF4(ModbusChamber):
         self._on_event = None if on_event is None else EVENTS[on_event - 1]
 
     def identify(self) -> Identity:
-        """F4S or F4D: only the latter has a second channel, and so a register for its set point."""
+        """Return F4S or F4D: only the F4D has a second channel, and so a register for its set point."""
         try:
             self._table.read(SETPOINT_2)
         except InstrumentError:
@@ -109,9 +109,9 @@ class WatlowF4(ModbusChamber):
         return Identity(manufacturer="Watlow", model="F4D")
 
     def read(self) -> ChamberReading:
-        """Air, set point, power, alarms now; a broken sensor is an `InstrumentError`, for there is no temperature then.
+        """Return air temperature, set point, power and alarms; raises `InstrumentError` if the sensor is broken.
 
-        Power is output 1A (heating) less the size of output 1B (cooling).
+        Power is output 1A (heating) minus the magnitude of output 1B (cooling).
         """
         values = self._table.read_together(READING)
         if error := int(values[INPUT_ERROR.name]):

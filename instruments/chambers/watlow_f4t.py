@@ -2,22 +2,22 @@
 
 Not tried on hardware. Register numbers and codes: EspecNorthAmerica/ChamberConnectLibrary (F4T); units of the bus:
 Watlow F4T manual, page 225. Numbers are IEEE 754 singles in two registers, low word first as delivered; states are
-codes that all Watlow controllers share.
+codes common to all Watlow controllers.
 
-What it does about faults: those of the link as `ModbusLink` says; what is written is a value and no change, and is
-written again, except the press of a key, where a second one may undo the first. Further:
+Fault handling: link faults as in `ModbusLink`; a write states a value and not a change, and is repeated, except the
+press of a key, where a second press may undo the first. In addition:
 
-| what goes wrong                             | what is done                                                        |
+| fault                                       | handling                                                            |
 |---------------------------------------------|---------------------------------------------------------------------|
 | an exception                                | `InstrumentError`, never repeated                                   |
-| the answer to the press of a key is lost    | `LinkError`: what the chamber then does is not known                |
-| words in the other order, half of a float   | `InstrumentError`; asked again                                      |
-| a sensor over range                         | the number that it shows: beyond the bench's limits, which stop     |
-| the bus speaks °F, as delivered             | `InstrumentError` when it is opened                                 |
+| the answer to the press of a key is lost    | `LinkError`: the chamber's state is then unknown                    |
+| words in the other order, half of a float   | `InstrumentError`; the request is repeated                          |
+| a sensor over range                         | its number is returned: it exceeds the bench's limits, which stop   |
+| the bus is set to °F, as delivered          | `InstrumentError` from `open`                                       |
 | a set point or switch that does not arrive  | `InstrumentError` after 2 s of reading back                         |
 | a profile runs, is paused or waits          | `InstrumentError` from `start`                                      |
-| an alarm                                    | stated with every reading, until it is over                         |
-| air that is stuck, or stalls short          | nothing: one reading does not show it, a soak that does not end does |
+| an alarm                                    | included in every reading until it is over                          |
+| air that is stuck, or stalls short          | not detectable from one reading; a soak that does not end shows it  |
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ ALARMS = tuple(
 )
 FEWEST_ALARMS = 6
 ALARMS_OF = {"B": 8, "C": 14, "E": 8, "F": 14}
-"""By the part number's seventh character; any other one: `FEWEST_ALARMS`."""
+"""Number of alarms, by the part number's seventh character; for any other one: `FEWEST_ALARMS`."""
 EVENTS = tuple(
     Quantity(name=f"event {number}", address=address, kind="code", writable=True)
     for number, address in enumerate((16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828), start=1)
@@ -72,31 +72,31 @@ SWITCHES = {"event": len(EVENTS), "toggle_key": len(KEYS), "momentary_key": len(
 
 
 class WatlowF4T(ModbusChamber):
-    """A chamber behind a Watlow F4T. Not tried on hardware; its bus must be set to degrees Celsius.
+    """Driver of a chamber with a Watlow F4T. Not tried on hardware; its bus must be set to degrees Celsius.
 
     Parameters
     ----------
     address
         `tcp://HOST:502`, or a serial line.
     clock
-        Where waiting takes place.
+        The clock used for waiting.
     unit_id
         Modbus address of the controller.
     loop
         The control loop of the air, 1 to 4.
     word_order
-        Of the singles; as delivered "low_first".
+        Word order of the singles; as delivered "low_first".
     on_by, on_number
-        What the chamber's maker wired to conditioning on/off, and the number of that event (1 to 8) or key (1 to 4).
-        "event": an output that is on or off (TestEquity: event 1). "toggle_key": a function key with a state of its
-        own, which 1457 (down) switches on and 1456 (up) off. "momentary_key": a function key each press of which starts
-        or stops the chamber, without a state (ESPEC: key 1). "nothing": the chamber conditions while it has power, and
-        `start` and `stop` leave it so.
+        What the chamber's manufacturer wired to conditioning on/off, and the number of that event (1 to 8) or key
+        (1 to 4). "event": an output that is on or off (TestEquity: event 1). "toggle_key": a function key with a state,
+        which 1457 (down) switches on and 1456 (up) off. "momentary_key": a function key without a state, each press of
+        which starts or stops the chamber (ESPEC: key 1). "nothing": the chamber conditions while it has power, and
+        `start` and `stop` do not change that.
     running_output
         Module and input/output number of the "chamber running" output (ESPEC: [1, 1]), which then confirms on and off;
-        needed with a momentary key.
+        required for a momentary key.
     pause_s, timeout_s, retry, wire_log
-        See `ModbusLink`; on a serial line the controller wants a pause of 0.03 s.
+        See `ModbusLink`; on a serial line the controller requires a pause of 0.03 s.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class WatlowF4T(ModbusChamber):
         self._alarms = ALARMS[:FEWEST_ALARMS]
 
     def identify(self) -> Identity:
-        """Its part number."""
+        """Return the controller's identity with its part number."""
         characters = self._link.read(PART_NUMBER_ADDRESS, PART_NUMBER_LENGTH)
         part_number = "".join(chr(character) for character in characters).strip(" \0")
         if not (part_number.isascii() and part_number.isprintable() and part_number):
@@ -160,7 +160,7 @@ class WatlowF4T(ModbusChamber):
         return Identity(manufacturer="Watlow", model=part_number)
 
     def read(self) -> ChamberReading:
-        """Air, set point, power and all its alarms now."""
+        """Return air temperature, set point, power and all alarms."""
         values = self._table.read_together((self._air, self._setpoint, self._power, *self._alarms))
         return ChamberReading(
             temperature_c=values[AIR.name],
@@ -203,7 +203,7 @@ class WatlowF4T(ModbusChamber):
             )
 
     def _press_key(self, wanted: int) -> None:
-        """Press where the chamber is not yet as wanted; once, since a second press may undo the first."""
+        """Press the key once if the chamber is not in the wanted state, since a second press may undo the first."""
         momentary = self._on_by == "momentary_key"
         shows = self._running if momentary and self._running is not None else KEYS[self._on_number - 1]
         if self._table.read_code(shows) != wanted:
@@ -223,7 +223,7 @@ def _in_loop(quantity: Quantity, loop: int) -> Quantity:
 
 
 def _running_output(module: int, io: int) -> Quantity:
-    """On while the chamber runs; a controller without that module or output answers with exception 4."""
+    """Return the output that is on while the chamber runs; a missing module or output gives exception 4."""
     address = 33718 + 240 * (module - 1) + 40 * (io - 1)
     return Quantity(name=f"chamber running, output {io} of module {module}", address=address, kind="code")
 

@@ -1,1 +1,1 @@
-"""Digitizers, one file a model; each samples encoder, gyro and thermistor in one hardware scan."""
+"""Drivers of digitizers, one module per model; each samples encoder, gyro and thermistor in one hardware scan."""

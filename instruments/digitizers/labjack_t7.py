@@ -5,31 +5,31 @@ Modbus TCP (port 502) for set-up and single readings, the spontaneous stream (po
     | count, low word | count, high word | gyro volts | thermistor volts |
     | DIOn_EF_READ_A  | DATA_CAPTURE_16  | AIN        | AIN              |
 
-so that all four belong to the same instant by construction. Streamed samples are raw codes; they become volts by the
-constants of the T7's own calibration, read from its flash.
+so that all four belong to the same instant by construction. Streamed samples are raw codes; they are converted to volts
+with the calibration constants in the T7's flash.
 
-What it does about faults:
+Fault handling:
 
-| what goes wrong                                       | what is done                                             |
+| fault                                                 | handling                                                 |
 |-------------------------------------------------------|----------------------------------------------------------|
-| no answer, a late, broken or foreign one, a cut link  | asked again on a new connection, as `ModbusLink` says    |
+| no answer, a late, broken or foreign one, a cut link  | repeated on a new connection, as in `ModbusLink`         |
 | a refusal                                             | `InstrumentError` with LabJack's own code                |
-| the answer to ENABLE is lost                          | whether it streams is asked, and only then told again    |
+| the answer to ENABLE is lost                          | its state is read, and ENABLE repeated only if necessary |
 | it has restarted                                      | `InstrumentError`: its encoder's count is lost           |
-| a stream runs that this driver did not start          | `InstrumentError`: it is another program's               |
+| a stream runs that this driver did not start          | `InstrumentError`: it belongs to another program         |
 | packets of the stream are lost                        | a gap: `first_index` jumps                               |
-| its buffer overflows, it skips scans and recovers     | a gap, of as many scans as it says                       |
-| the stream's connection breaks, or brings no packets  | connected again: a gap, where that was                   |
-| ... before the first packet                           | `LinkError`: nobody knows how many are missing           |
-| bytes between two packets of the stream               | left out                                                 |
-| the stream falls silent                               | `LinkError`; what has come is kept                       |
-| the encoder's count jumps, or all inputs are frozen   | `InstrumentError`: `digitizers.t7_watch`                 |
+| its buffer overflows, it skips scans and recovers     | a gap of the reported number of scans                    |
+| the stream's connection breaks, or brings no packets  | reconnected, with a gap                                  |
+| ... before the first packet                           | `LinkError`: the number of missing scans is unknown      |
+| bytes between two packets of the stream               | ignored                                                  |
+| the stream stops                                      | `LinkError`; received scans are kept                     |
+| the encoder's count jumps, or all inputs are frozen   | `InstrumentError`, see `t7_registers.ScanWatch`          |
 | the thermistor is at the end of its range             | `InstrumentError`: there is no temperature               |
-| the gyro is at the end of its range                   | recorded as it is: that may be its rate                  |
-| its crystal drifts                                    | nothing: its counter is the clock of the samples         |
+| the gyro is at the end of its range                   | recorded unchanged: it may be the true rate              |
+| its crystal drifts                                    | not handled: its counter is the clock of the samples     |
 
-That a T7 goes on with its stream when the stream's connection is made anew is assumed, no source says so; where it does
-not, its silence is a `LinkError`.
+That a T7 continues its stream when the stream's connection is renewed is an assumption without a source; if it does
+not, its silence raises `LinkError`.
 
 Written from LabJack's public documents (T-series datasheet 3.2.4 and 20.0.1, the register map, the public C examples);
 not tried on hardware.
@@ -64,15 +64,15 @@ WRAP = 1 << 32
 
 
 class CoreTimer:
-    """CORE_TIMER, a 32-bit count at 40 MHz that wraps every 107 s, made into seconds since the first look at it.
+    """CORE_TIMER, a 32-bit count at 40 MHz that wraps every 107 s, converted into seconds since the first reading.
 
-    How often it has wrapped is found with another clock, which may be wrong by up to half a wrap (53 s) between two
-    looks: days, for any crystal. The seconds themselves are those of the T7's crystal alone.
+    The number of wraps is found with another clock, which may be wrong by up to half a wrap (53 s) between two
+    readings: for any crystal this takes days. The seconds themselves depend on the T7's crystal only.
 
     Parameters
     ----------
     count, clock_s
-        What the counter reads, and what the other clock reads at the same time.
+        The counter and the other clock, read at the same time.
     """
 
     def __init__(self, count: int, clock_s: float) -> None:
@@ -81,7 +81,7 @@ class CoreTimer:
         self._ticks = 0
 
     def look(self, count: int, clock_s: float) -> float:
-        """Take another look; seconds since the first one."""
+        """Add a reading and return the seconds since the first one."""
         part = (count - self._count) % WRAP
         wraps = round(((clock_s - self._clock_s) * TICKS_HZ - part) / WRAP)
         self._ticks += part + max(wraps, 0) * WRAP
@@ -89,7 +89,7 @@ class CoreTimer:
         return self._ticks / TICKS_HZ
 
     def seconds_at(self, count: int) -> float:
-        """When the counter read `count`, which must be within 107 s after the last look."""
+        """Return the time when the counter read `count`, which must be within 107 s after the last reading."""
         return (self._ticks + (count - self._count) % WRAP) / TICKS_HZ
 
 
@@ -99,26 +99,26 @@ QUADRATURE = 10
 QUADRATURE_LINES = (0, 2, 6)  # phase A; phase B is the next line
 SINGLE_ENDED = 199
 ETHERNET = 1
-BUFFER_BYTES = 32768  # the most that the T7 has
+BUFFER_BYTES = 32768  # largest size that the T7 supports
 LONGEST_PACKET_S = 0.05
 LARGEST_RATE_STEP = 0.01  # between neighbouring scan rates, relative: 100 ns of an interval of 10 µs
 RANGES_V = (10.0, 1.0, 0.1, 0.01)  # in the order of the calibration in the flash
 CALIBRATION_FLASH_ADDRESS, CALIBRATION_BYTES = 0x3C4000, 16
 LARGEST_RECEIVE = 1 << 18
-SKIPPED, RESUMED = "left out", "connected again, what is missing is a gap"  # how a fault of the stream was got over
+SKIPPED, RESUMED = "left out", "connected again, what is missing is a gap"  # recovery from faults of the stream
 
 
 class LabJackT7(Instrument):
-    """A T7 with a quadrature encoder, a gyro and its thermistor; satisfies `benchctl_instruments.interfaces.Digitizer`.
+    """A T7 with a quadrature encoder, a gyro and its thermistor; implements `interfaces.Digitizer`.
 
     Parameters
     ----------
     address
         `tcp://HOST:PORT` of its Modbus server.
     stream_address
-        `tcp://HOST:PORT` of its stream; port 702 of the same host where none is given.
+        `tcp://HOST:PORT` of its stream; by default port 702 of the same host.
     clock
-        What tells how often the T7's own counter has wrapped.
+        The clock used to count the wraps of the T7's own counter.
     encoder_channel
         The digital line of the encoder's phase A: 0, 2 or 6; phase B is on the next one.
     gyro_ain, thermistor_ain
@@ -126,14 +126,13 @@ class LabJackT7(Instrument):
     range_v
         Their ±range: 10, 1, 0.1 or 0.01 V.
     timeout_s
-        Wall time to wait for an answer and for a connection.
+        Timeout of an answer and of a connection; wall time.
     fastest_counts_per_s
-        How fast the encoder's count can change: what jumps further from one scan to the next is no motion. Infinite:
-        that is not looked at.
+        Largest rate of the encoder's count: a larger change between two scans is a fault. Infinite: not checked.
     frozen_s
-        Where no input changes by a single code for so long, the stream counts as frozen. Infinite: never.
+        Time without any change of code on any input after which the stream counts as frozen. Infinite: never.
     wire_log
-        Where to note what goes over both wires.
+        Log of the traffic on both connections.
     """
 
     def __init__(
@@ -175,7 +174,7 @@ class LabJackT7(Instrument):
         self._is_set_up = False
 
     def open(self) -> None:
-        """Connect and make sure that a T7 answers; its inputs are set up when they are first used."""
+        """Connect and check that a T7 answers; its inputs are set up when they are first used."""
         self._link.open()
         try:
             self._check_identity()
@@ -187,12 +186,12 @@ class LabJackT7(Instrument):
             raise
 
     def close(self) -> None:
-        """Let go of both connections; safe to call twice, and never raises."""
+        """Close both connections; safe to call twice, and never raises."""
         self._forget_stream()
         self._link.close()
 
     def identify(self) -> Identity:
-        """Serial number and firmware."""
+        """Return serial number and firmware."""
         return Identity(
             manufacturer="LabJack",
             model="T7",
@@ -201,7 +200,7 @@ class LabJackT7(Instrument):
         )
 
     def read_once(self) -> SingleScan:
-        """One reading of each input, one after the other; the T7 itself makes calibrated volts of them."""
+        """Return one reading of each input, taken in sequence; the T7 itself converts them to calibrated volts."""
         if self._scans is not None:
             raise UsageError(f"{self._who}: read_once while the stream runs; call stop_stream first")
         self._set_up_inputs()
@@ -214,7 +213,7 @@ class LabJackT7(Instrument):
         return scan
 
     def start_stream(self, rate_hz: float) -> StreamStart:
-        """Start the stream at the nearest rate that the T7's clock can do, and state that rate.
+        """Start the stream at the nearest rate that the T7's clock supports, and return that rate.
 
         The scan interval is a multiple of 100 ns above 152.6 Hz and of coarser steps below: 3000 Hz is 3000.30 Hz.
         """
@@ -250,10 +249,10 @@ class LabJackT7(Instrument):
         return StreamStart(rate_hz=actual_hz, start_s=self._core_timer.seconds_at(stamp))
 
     def read_stream(self, scans: int, timeout_s: float) -> ScanBlock:
-        """At least `scans` scans and whatever else has arrived; see `benchctl_instruments.interfaces.Digitizer`.
+        """Return at least `scans` scans and any others received; see `benchctl_instruments.interfaces.Digitizer`.
 
-        A scan arrives with the last one of its packet; a packet holds 50 ms, or one scan where the rate is below 20 Hz.
-        What came before a `LinkError` is kept for the next call.
+        A scan arrives with the last one of its packet; a packet holds 50 ms, or one scan if the rate is below 20 Hz.
+        Scans received before a `LinkError` are kept for the next call.
         """
         if self._scans is None or self._watch is None:
             raise UsageError(f"{self._who}: read_stream while no stream runs; call start_stream first")
@@ -276,7 +275,7 @@ class LabJackT7(Instrument):
         return block
 
     def stop_stream(self) -> None:
-        """Stop; what still waits in the T7 is discarded. Safe to call where no stream runs."""
+        """Stop the stream and discard the T7's buffered scans. Safe to call if no stream runs."""
         self._forget_stream()
         try:
             self._registers.write(reg.STREAM_ENABLE, 0)
@@ -289,7 +288,7 @@ class LabJackT7(Instrument):
             )
 
     def _receive(self, scans: ScanQueue, give_up_s: float) -> bool:
-        """Take what the stream brings, on a new connection where it has broken; whether more is likely to wait."""
+        """Receive stream data, reconnecting if the connection broke; return whether more data is likely."""
         try:
             data = self._stream.receive(LARGEST_RECEIVE, give_up_s - time.monotonic())
             junk_bytes = scans.junk_bytes
@@ -313,7 +312,7 @@ class LabJackT7(Instrument):
             raise InstrumentError(f"{self._who}: {err}") from err
 
     def _enable_stream(self) -> None:
-        """Told twice, a T7 would refuse the second time; so where its answer is lost it is asked whether it streams."""
+        """Enable the stream; a T7 refuses a second ENABLE, so after a lost answer the state is read first."""
         try:
             self._registers.write(reg.STREAM_ENABLE, 1, once=True)
         except LinkError as err:
@@ -355,7 +354,7 @@ class LabJackT7(Instrument):
             raise InstrumentError(f"{self._who}: reading its flash, {err}; have it calibrated") from err
 
     def _set_up_inputs(self) -> None:
-        """Try the stream's address, then set up encoder and analog inputs, at their first use."""
+        """Test the stream's address, then set up encoder and analog inputs, at their first use."""
         if self._is_set_up:
             return
         self._refuse_foreign_stream()
@@ -378,18 +377,18 @@ class LabJackT7(Instrument):
             )
 
     def _set_up_encoder(self) -> None:
-        """Quadrature on two lines; where they count already they are left alone, for the sake of their zero."""
+        """Set up quadrature on two lines; if they are already counting, leave them alone to keep their zero."""
         lines = (self._encoder, self._encoder + 1)
         wanted = [(reg.ef_index(line), QUADRATURE) for line in lines] + [(reg.ef_enable(line), 1) for line in lines]
         if all(self._registers.read(register) == value for register, value in wanted):
             return
         for line in lines:
-            self._registers.set(reg.ef_enable(line), 0)  # the feature of a line that runs cannot be changed
+            self._registers.set(reg.ef_enable(line), 0)  # the feature of a running line cannot be changed
         for register, value in wanted:
             self._registers.set(register, value)
 
     def _set_up_stream(self, rate_hz: float) -> None:
-        """Everything but ENABLE, which comes last; what is as it was left by the stream before is not written again."""
+        """Write all stream settings except ENABLE, which comes last; unchanged settings are not rewritten."""
         gyro, thermistor = self._inputs
         scan_list = (reg.ef_read_a(self._encoder), reg.STREAM_DATA_CAPTURE_16, reg.ain(gyro), reg.ain(thermistor))
         scans_a_packet = max(1, min(int(rate_hz * LONGEST_PACKET_S), MOST_SAMPLES // SCAN_LENGTH))
@@ -407,8 +406,8 @@ class LabJackT7(Instrument):
                 **{reg.stream_scanlist(index): register.address for index, register in enumerate(scan_list)},
             }
         )
-        self._registers.write(reg.STREAM_SCANRATE_HZ, rate_hz)  # reads as the nearest rate that the T7 can do
-        self._registers.write(reg.STREAM_DATATYPE, 0)  # in no register map, so perhaps not to be read
+        self._registers.write(reg.STREAM_SCANRATE_HZ, rate_hz)  # reads back as the nearest rate that the T7 supports
+        self._registers.write(reg.STREAM_DATATYPE, 0)  # in no register map, so it may not be readable
 
     def _forget_stream(self) -> None:
         self._stream.close()

@@ -1,17 +1,17 @@
-"""The registers of the LabJack T7 that are used here, and how to read, write and check them.
+"""The registers of the LabJack T7 that the driver uses, and functions to read, write and check them.
 
-A 32-bit number takes two registers, high word first. A refusal comes as a bare Modbus exception; the T7 keeps its own,
-more telling code in LAST_ERR_DETAIL, one register. Source: LabJack's public register map, ljm_constants.json; the flash
-is from LabJack's public C examples. Not tried on hardware.
+A 32-bit number takes two registers, high word first. A refusal is answered with a bare Modbus exception; the T7 stores
+its own, more specific code in LAST_ERR_DETAIL, one register. Source: LabJack's public register map, ljm_constants.json;
+the flash is from LabJack's public C examples. Not tried on hardware.
 
-The stream's bytes become counts and volts. A scan of this bench holds
+The module also converts the stream's bytes to counts and volts. A scan of this bench holds
 
 | count, low word | count, high word | gyro code | thermistor code |
 
-Scans are watched for what no sound bench produces: a count that jumps, frozen inputs, a thermistor at its rail.
-A T7's converters are never so quiet that the codes of two inputs stay the same for seconds, and a table is never so
-fast that its encoder's count jumps from one scan to the next, and a thermistor's amplifier is at the converter's rail
-where it is open or shorted: the data are worth nothing from there on. The gyro may well be at its rail, by its rate.
+`ScanWatch` raises if a scan shows a fault: a count that jumps, frozen inputs, a thermistor at its rail. A T7's
+converters are never so quiet that the codes of two inputs stay the same for seconds; a table is never so fast that its
+encoder's count jumps between two scans; and a thermistor's amplifier is at the converter's rail if the thermistor is
+open or shorted. The data are then invalid. The gyro may be at its rail because of its rate.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from benchctl_instruments.protocols.modbus import f32_from_words, u32_from_words
 from benchctl_instruments.protocols.t7_stream import SampleArray, ScanRun, StreamReader
 
 _AS_WRITTEN = 1e-6
-"""What the rounding to a single may change of a number."""
+"""Largest relative change of a number by rounding to single precision."""
 
 WORD_ORDER: Literal["high_first"] = "high_first"
 WORDS = 2  # of a 32-bit number
@@ -51,7 +51,7 @@ NOT_RUNNING = 2620
 
 @dataclass(frozen=True, slots=True)
 class Register:
-    """A quantity: its name in LabJack's map, its first register, and what it is there."""
+    """A register of the T7: its name in LabJack's map, its first register, and its type."""
 
     name: str
     address: int
@@ -85,42 +85,42 @@ STREAM_ENABLE = Register("STREAM_ENABLE", 4990)
 
 
 def stream_scanlist(index: int) -> Register:
-    """The address that is sampled as number `index` of a scan."""
+    """Return the register with the address that is sampled as number `index` of a scan."""
     return Register(f"STREAM_SCANLIST_ADDRESS{index}", 4100 + 2 * index)
 
 
 def ain(channel: int) -> Register:
-    """The voltage of an analog input."""
+    """Return the register of an analog input's voltage."""
     return Register(f"AIN{channel}", 2 * channel, "f32")
 
 
 def ain_range(channel: int) -> Register:
-    """The ±range [V] of an analog input."""
+    """Return the register of an analog input's ±range [V]."""
     return Register(f"AIN{channel}_RANGE", 40000 + 2 * channel, "f32")
 
 
 def ain_negative(channel: int) -> Register:
-    """The channel against which an analog input is measured; 199 is ground."""
+    """Return the register of an analog input's negative channel; 199 is ground."""
     return Register(f"AIN{channel}_NEGATIVE_CH", 41000 + channel, "u16")
 
 
 def ef_enable(line: int) -> Register:
-    """Whether the extended feature of a digital line runs."""
+    """Return the register that enables the extended feature of a digital line."""
     return Register(f"DIO{line}_EF_ENABLE", 44000 + 2 * line)
 
 
 def ef_index(line: int) -> Register:
-    """Which extended feature a digital line has; it can be changed only while it does not run."""
+    """Return the register that selects a digital line's extended feature; it can be changed only while disabled."""
     return Register(f"DIO{line}_EF_INDEX", 44100 + 2 * line)
 
 
 def ef_read_a(line: int) -> Register:
-    """The count of a digital line's extended feature, in two's complement for quadrature."""
+    """Return the register of the count of a digital line's extended feature, in two's complement for quadrature."""
     return Register(f"DIO{line}_EF_READ_A", 3000 + 2 * line)
 
 
 class T7RefusalError(InstrumentError):
-    """The T7 refused a request; `code` is LabJack's error code, 0 where it has none."""
+    """The T7 refused a request; `code` is LabJack's error code, or 0 if unknown."""
 
     def __init__(self, message: str, code: int) -> None:
         self.code = code
@@ -128,20 +128,20 @@ class T7RefusalError(InstrumentError):
 
 
 class T7Registers:
-    """Registers over a Modbus link; everything raises `LinkError` for silence and `T7RefusalError` for a refusal."""
+    """Registers over a Modbus link; methods raise `LinkError` without an answer and `T7RefusalError` for a refusal."""
 
     def __init__(self, link: ModbusLink) -> None:
         self._link = link
 
     def read(self, register: Register) -> float:
-        """The number in a register."""
+        """Return the number in a register."""
         try:
             return _number(register, self._link.read(register.address, 1 if register.kind == "u16" else WORDS))
         except InstrumentError as err:
             raise self._explained(err, f"reading {register.name}") from err
 
     def read_together(self, registers: Sequence[Register]) -> list[float]:
-        """The numbers in 32-bit registers, in their order; those that follow on each other come with one request."""
+        """Return the numbers in 32-bit registers, in their order; consecutive registers are read with one request."""
         numbers: list[float] = []
         for run in _runs(registers):
             try:
@@ -153,14 +153,14 @@ class T7Registers:
         return numbers
 
     def write(self, register: Register, value: float, *, once: bool = False) -> None:
-        """Write a number; `once` does not repeat it where no answer comes."""
+        """Write a number; with `once` it is not repeated if no answer arrives."""
         try:
             self._link.write(register.address, _words(register, value), once=once)
         except InstrumentError as err:
             raise self._explained(err, f"writing {value:g} to {register.name}") from err
 
     def set(self, register: Register, value: float) -> None:
-        """Write a number and make sure that it is there."""
+        """Write a number and read it back."""
         self.write(register, value)
         got = self.read(register)
         if not math.isclose(got, value, rel_tol=_AS_WRITTEN):
@@ -170,14 +170,14 @@ class T7Registers:
             )
 
     def keep(self, settings: Mapping[Register, float]) -> None:
-        """Make sure that numbers are there, and write only those that are not."""
+        """Read registers and write only those that differ."""
         there = self.read_together(list(settings))
         for got, (register, value) in zip(there, settings.items(), strict=True):
             if not math.isclose(got, value, rel_tol=_AS_WRITTEN):
                 self.set(register, value)
 
     def read_flash(self, flash_address: int, count: int) -> list[float]:
-        """`count` singles from the internal flash."""
+        """Return `count` singles from the internal flash."""
         self.set(FLASH_READ_POINTER, flash_address)
         try:
             words = self._link.read(FLASH_READ_ADDRESS, 2 * count)
@@ -188,7 +188,7 @@ class T7Registers:
     def _explained(self, err: InstrumentError, doing: str) -> T7RefusalError:
         try:
             (code,) = self._link.read(LAST_ERR_DETAIL.address)
-        except InstrumentError:  # then the bare refusal has to do
+        except InstrumentError:  # then only the bare refusal is known
             code = 0
         reason = f": LabJack error {code}, {ERROR_WORDS.get(code, 'see its list of errors')}" if code else ""
         return T7RefusalError(f"{err} ({doing}{reason})", code)
@@ -207,7 +207,7 @@ def _number(register: Register, words: Sequence[int]) -> float:
 
 
 def _runs(registers: Sequence[Register]) -> list[list[Register]]:
-    """Registers in their order, parted wherever the next one does not follow on the one before."""
+    """Split registers into runs of consecutive ones, keeping their order."""
     runs: list[list[Register]] = []
     for register in registers:
         if runs and register.address == runs[-1][-1].address + WORDS:
@@ -232,7 +232,7 @@ class AinCalibration:
     centre: float
 
     def check(self, range_v: float) -> None:
-        """Raise `InstrumentError` where these cannot be the constants of a 16-bit converter over ±`range_v`."""
+        """Raise `InstrumentError` if the constants do not fit a 16-bit converter over ±`range_v`."""
         slope = 2.0 * range_v / 65536
         expected = ((self.positive_slope, slope), (self.negative_slope, -slope), (self.centre, 32768.0))
         if not all(math.isclose(got, nominal, rel_tol=0.1) for got, nominal in expected):
@@ -242,14 +242,14 @@ class AinCalibration:
             )
 
     def volts(self, codes: SampleArray) -> FloatArray:
-        """Volts of streamed codes, shape as given."""
+        """Return the volts of streamed codes, of the same shape."""
         from_centre = codes.astype(np.float64) - self.centre
         slopes: FloatArray = np.where(from_centre < 0.0, -self.negative_slope, self.positive_slope)
         return from_centre * slopes
 
 
 class ScanQueue:
-    """The scans of one stream that have come and were not taken yet; bytes in, blocks out."""
+    """Queue of the received scans of one stream: takes bytes and returns blocks."""
 
     def __init__(self, calibration: AinCalibration) -> None:
         self._calibration = calibration
@@ -259,15 +259,15 @@ class ScanQueue:
 
     @property
     def junk_bytes(self) -> int:
-        """How many bytes of the stream belonged to no packet."""
+        """Number of bytes of the stream that belonged to no packet."""
         return self._reader.junk_bytes
 
     def resume(self) -> None:
-        """Go on with the bytes of a new connection of the same stream."""
+        """Continue with the bytes of a new connection of the same stream."""
         self._reader.resume()
 
     def feed(self, data: bytes) -> None:
-        """Take bytes as they come; raises as `StreamReader.feed` does."""
+        """Add received bytes; raises like `StreamReader.feed`."""
         for run in self._reader.feed(data):
             if self._runs and self._runs[-1].next_index == run.first_index:
                 self._runs[-1] = _joined(self._runs[-1], run)
@@ -275,16 +275,16 @@ class ScanQueue:
                 self._runs.append(run)
 
     def ready(self, scans: int) -> bool:
-        """Whether a block of that many scans can be taken, or a shorter one that a gap ends."""
+        """Return whether a block of `scans` scans, or a shorter one that ends at a gap, is available."""
         return self.waiting >= scans or len(self._runs) > 1
 
     @property
     def waiting(self) -> int:
-        """How many scans wait up to the next gap."""
+        """Number of available scans up to the next gap."""
         return len(self._runs[0].samples) if self._runs else 0
 
     def take(self) -> ScanBlock:
-        """All scans that wait up to the next gap; there must be some."""
+        """Return all scans up to the next gap; the queue must not be empty."""
         run = self._runs.pop(0)
         return ScanBlock(
             first_index=run.first_index,
@@ -295,7 +295,7 @@ class ScanQueue:
         )
 
     def _unwrapped(self, low: SampleArray, high: SampleArray) -> IntArray:
-        """Signed counts that go on where the counter's 32 bits wrap, across gaps too."""
+        """Return signed counts, continued across wraps of the 32-bit counter and across gaps."""
         count = (low | high.astype(np.uint32) << 16).view(np.int32).astype(np.int64)
         before = int(count[0]) if self._last_count is None else self._last_count
         steps = np.diff(count, prepend=before)
@@ -309,24 +309,24 @@ def _joined(first: ScanRun, then: ScanRun) -> ScanRun:
 
 
 SPARE_COUNTS = 100.0
-"""Beside what the fastest table makes in one scan interval: an encoder's own errors, and vibration."""
+"""Counts allowed above the fastest table's motion in a scan interval: errors of the encoder, and vibration."""
 
-AT_RAIL = 0.999  # of the range
+AT_RAIL = 0.999  # as a fraction of the range
 
 
 class ScanWatch:
-    """Watches the scans of one stream; `look` is to be called with every block, in order.
+    """Check the scans of one stream for faults; call `look` with every block, in order.
 
     Parameters
     ----------
     rate_hz
         The scan rate.
     fastest_counts_per_s
-        How fast the encoder can count at most; infinite: any jump may be motion.
+        Largest rate of the encoder's count; infinite: jumps are not checked.
     range_v
         The converter's ±range.
     frozen_s
-        After this time without any change on any input they count as frozen; infinite: never.
+        Time without a change on any input after which the inputs count as frozen; infinite: never.
     """
 
     def __init__(self, rate_hz: float, *, fastest_counts_per_s: float, range_v: float, frozen_s: float) -> None:
@@ -336,10 +336,10 @@ class ScanWatch:
         self._rate_hz = rate_hz
         self._still = 0  # scans since the last change
         self._next_index = 0
-        self._last: FloatArray | None = None  # the scan before the next one, shape (3, 1)
+        self._last: FloatArray | None = None  # the previous scan, shape (3, 1)
 
     def look(self, block: ScanBlock) -> None:
-        """Raise `InstrumentError` where the count jumps, the thermistor is at its rail, or nothing changes any more."""
+        """Raise `InstrumentError` if the count jumps, the thermistor is at its rail, or no input changes any more."""
         scans = np.stack([block.encoder_count.astype(np.float64), block.gyro_v, block.thermistor_v])
         first = block.first_index
         if self._last is not None and block.first_index == self._next_index:
@@ -371,7 +371,7 @@ class ScanWatch:
 
 
 def refuse_at_rail(thermistor_v: float, range_v: float) -> None:
-    """Raise `InstrumentError` where the thermistor's volts are all that the converter can state."""
+    """Raise `InstrumentError` if the thermistor's volts are at the end of the converter's range."""
     if abs(thermistor_v) >= AT_RAIL * range_v:
         raise InstrumentError(
             f"the thermistor reads {thermistor_v:+.2f} V, the end of its range: there is no temperature;"

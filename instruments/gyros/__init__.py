@@ -1,1 +1,1 @@
-"""Gyros with a digital output, one file a model: a declared frame and a few hooks."""
+"""Drivers of gyros with a digital output, one module per model: a declared frame and a few hooks."""

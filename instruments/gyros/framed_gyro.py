@@ -1,16 +1,16 @@
-"""What all gyros that send frames by themselves do alike.
+"""The common part of the drivers of gyros that send frames spontaneously.
 
-| hook                | default   | a gyro's driver overrides it to                                                  |
-|---------------------|-----------|----------------------------------------------------------------------------------|
-| `_check()`          | (must)    | make sure, once connected, that the right gyro answers, and keep who it is        |
-| `_begin(rate_hz)`   | (must)    | have it send frames; the rate, a queue, and what has come of the stream already   |
-| `_end()`            | nothing   | have it send no more                                                              |
+| hook                | default    | a gyro's driver overrides it to                                                  |
+|---------------------|------------|----------------------------------------------------------------------------------|
+| `_check()`          | (required) | check after connecting that the right gyro answers, and store its identity       |
+| `_begin(rate_hz)`   | (required) | start the frames; return the rate, a queue, and the stream's bytes so far        |
+| `_end()`            | no action  | stop the frames                                                                  |
 
-What is done about faults: a frame that is lost, cut short, spoilt or torn by junk is a gap at its place, told with the
-block; junk beside frames is left out; both are counted. A line that is silent is a `LinkError` that says how many
-samples came, which are kept. A gyro that doubts a sample says so in `valid` and `faults`.
+Fault handling: a frame that is lost, truncated, corrupted or split by junk is a gap at its position, reported with the
+block; junk between frames is ignored; both are counted. A silent line raises `LinkError` with the number of samples
+received, which are kept. A sample that the gyro marks as doubtful is reported in `valid` and `faults`.
 
-`SampleQueue` holds what has come and was not taken yet: bytes in, blocks out.
+`SampleQueue` holds the received samples until they are taken: it takes bytes and returns blocks.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from benchctl_instruments.protocols.frames import ByteArray, FrameFormat, FrameR
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
-    """What frames say, every array of shape (n,): `number` is the frame's own, which wraps; see `GyroBlock`."""
+    """Decoded frames; every array has shape (n,). `number` is the frame's own, which wraps; see `GyroBlock`."""
 
     number: IntArray
     rate_dps: FloatArray
@@ -44,20 +44,20 @@ class Samples:
 
 
 class SampleQueue:
-    """Samples out of the bytes of a stream.
+    """Extract samples from the bytes of a stream.
 
     Parameters
     ----------
     format
         The frame that carries a sample.
     numbers
-        How frames are numbered.
+        The numbering of the frames.
     decode
-        From rows of shape (n, length) to samples.
+        Converts rows of shape (n, length) to samples.
     words
-        What a status that is not valid says.
+        Converts a status that is not valid to texts.
     rate_hz
-        Frames a second.
+        Frames per second.
     """
 
     def __init__(
@@ -73,27 +73,27 @@ class SampleQueue:
         self._numbers = numbers
         self._decode = decode
         self._words = words
-        self._wrap_s = (numbers.period - 1) / rate_hz  # frames that were lost in less are all counted
+        self._wrap_s = (numbers.period - 1) / rate_hz  # during a shorter time all lost frames are counted
         self._runs: list[tuple[FrameRun, float]] = []
         self._taken = 0
-        self._end = 0  # of the frame that was taken last, in bytes from the start of the stream
+        self._end = 0  # end of the last frame taken, in bytes from the start of the stream
 
     @property
     def waiting(self) -> int:
-        """How many samples wait."""
+        """Number of available samples."""
         return self._reader.kept - self._taken
 
     @property
     def junk_bytes(self) -> int:
-        """How many bytes belonged to no good frame."""
+        """Number of bytes that belonged to no valid frame."""
         return self._reader.junk_bytes
 
     def feed(self, data: bytes, *, unheard_s: float) -> None:
-        """Take bytes as they come; `unheard_s` is how long the line may have been deaf just before or within them."""
+        """Add received bytes; `unheard_s` is how long the line may have been unread just before or within them."""
         self._runs += [(run, unheard_s) for run in self._reader.feed(data)]
 
     def take(self) -> GyroBlock:
-        """All samples that wait; there must be some."""
+        """Return all available samples; the queue must not be empty."""
         runs, self._runs = self._runs, []
         first_byte = np.concatenate([run.first_byte for run, _ in runs])
         unheard_s = np.repeat([unheard_s for _, unheard_s in runs], [len(run.rows) for run, _ in runs])
@@ -125,7 +125,7 @@ class SampleQueue:
         return tuple(sorted({words for status in stated for words in self._words(status)}))
 
     def _gaps(self, missing: IntArray, torn: BoolArray, deaf: BoolArray) -> tuple[GyroGap, ...]:
-        """Where samples are missing; bytes that make no frame may hide a whole wrap of them."""
+        """Return where samples are missing; bytes that form no frame may hide a complete wrap of the numbers."""
         places = np.flatnonzero((missing > 0) | (torn & deaf))
         return tuple(
             GyroGap(index=place, lost=int(missing[place]), exact=not bool(deaf[place])) for place in places.tolist()
@@ -133,20 +133,20 @@ class SampleQueue:
 
 
 AXES = ("x", "y", "z")
-"""In the order in which their samples stand in a frame."""
+"""In the order of their samples within a frame."""
 
 LARGEST_RECEIVE = 1 << 16
 WIRE_LATENCY_S = 0.02
-"""How long a byte may be under way; serial converters on USB keep bytes for up to 16 ms."""
+"""Largest delay of a byte; serial converters on USB keep bytes for up to 16 ms."""
 
 Answer = TypeVar("Answer")
 
 
 class FramedGyro(Instrument, ABC):
-    """A gyro at the end of a line; satisfies `benchctl_instruments.interfaces.Gyro`.
+    """Driver of a gyro on a serial line; implements `benchctl_instruments.interfaces.Gyro`.
 
-    Times are the gyro's own: the number of a sample over the rate. The clock only tells whether the line was deaf for
-    so long that the numbers may have wrapped.
+    Times are the gyro's own: the number of a sample divided by the rate. The clock is only used to find whether the
+    line was unread for so long that the numbers may have wrapped.
 
     Parameters
     ----------
@@ -155,20 +155,20 @@ class FramedGyro(Instrument, ABC):
     name
         The model, for messages.
     clock
-        What tells how long the line was deaf.
+        The clock that measures how long the line was unread.
     axis
-        "x", "y" or "z"; `UsageError` where it is none of them.
+        "x", "y" or "z"; otherwise raises `UsageError`.
     default_baud
-        Where the address does not say.
+        The speed if the address states none.
     timeout_s
-        Wall time to wait for an answer and for a connection.
+        Timeout of an answer and of a connection; wall time.
     wire_log
-        Where to note what goes over the wire.
+        Log of the traffic on the line.
 
     Attributes
     ----------
     RATES_HZ
-        The rates that this model has, where they are few; empty: any.
+        The rates that this model supports; empty: any.
     """
 
     RATES_HZ: tuple[float, ...] = ()
@@ -193,10 +193,10 @@ class FramedGyro(Instrument, ABC):
         self._timeout_s = timeout_s
         self._identity = Identity()
         self._queue: SampleQueue | None = None  # while a stream runs
-        self._all_read_s = 0.0  # by the clock: whatever had come until then was read
+        self._all_read_s = 0.0  # by the clock: everything that had arrived until then was read
 
     def open(self) -> None:
-        """Connect and make sure that the right gyro answers."""
+        """Connect and check that the right gyro answers."""
         self._link.open(self._timeout_s)
         try:
             self._check()
@@ -205,16 +205,16 @@ class FramedGyro(Instrument, ABC):
             raise
 
     def close(self) -> None:
-        """Let go of the link; safe to call twice, and never raises."""
+        """Close the link; safe to call twice, and never raises."""
         self._queue = None
         self._link.close()
 
     def identify(self) -> Identity:
-        """Who it said that it is when it was opened."""
+        """Return the identity that the gyro reported when it was opened."""
         return self._identity
 
     def start_stream(self, rate_hz: float) -> float:
-        """Have it send samples; the rate [Hz] at which it does."""
+        """Start the stream and return its actual rate [Hz]."""
         if self._queue is not None:
             raise UsageError(f"{self._who}: start_stream while the stream runs; call stop_stream first")
         if not 0.0 < rate_hz < math.inf:
@@ -226,7 +226,7 @@ class FramedGyro(Instrument, ABC):
         return actual_hz
 
     def read_stream(self, samples: int, timeout_s: float) -> GyroBlock:
-        """At least `samples` samples and whatever came with them; see `benchctl_instruments.interfaces.Gyro`."""
+        """Return at least `samples` samples and any others received; see `benchctl_instruments.interfaces.Gyro`."""
         if self._queue is None:
             raise UsageError(f"{self._who}: read_stream while no stream runs; call start_stream first")
         wanted = max(samples, 1)
@@ -243,7 +243,7 @@ class FramedGyro(Instrument, ABC):
         return self._queue.take()
 
     def stop_stream(self) -> None:
-        """Stop; what was not read is discarded. Safe to call where no stream runs."""
+        """Stop the stream and discard unread samples. Safe to call if no stream runs."""
         self._queue = None
         self._end()
 
@@ -257,7 +257,7 @@ class FramedGyro(Instrument, ABC):
         return
 
     def _ask(self, question: bytes, answer: Callable[[bytes], Answer | None], expected: str) -> Answer:
-        """Send a question and listen until the answer is among what has come, which is given whole each time."""
+        """Send a question and listen until `answer` finds the answer in all bytes received so far."""
         give_up_s = time.monotonic() + self._timeout_s
         self._link.send(question)
         heard = b""
@@ -273,7 +273,7 @@ class FramedGyro(Instrument, ABC):
         return found
 
     def _receive(self, queue: SampleQueue, give_up_s: float) -> None:
-        """Take what has come."""
+        """Read the available bytes into the queue."""
         looked_s = self._clock.now()
         data = self._link.receive(LARGEST_RECEIVE, self._left_s(give_up_s))
         queue.feed(data, unheard_s=self._clock.now() - self._all_read_s + WIRE_LATENCY_S)

@@ -1,9 +1,9 @@
 """KVH DSP-1760: a fibre-optic gyro of one to three axes on RS-422.
 
 Not tried on hardware. Settings and frame: `protocols.kvh1760`. The gyro answers every setting, so the line to the gyro
-must be connected, too; the command that starts the frames may be answered by the first frame. While no stream runs the
-gyro is left where it takes settings and sends no frames. Its number wraps after 128 samples: at 1000 Hz a line that was
-deaf for longer than 0.1 s leaves a gap that is not exact.
+must also be connected; the command that starts the frames may be answered by the first frame. While no stream runs, the
+gyro is left in the mode in which it accepts settings and sends no frames. Its number wraps after 128 samples: at
+1000 Hz, a line that was unread for more than 0.1 s leaves a gap of unknown length.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ ROTATION_UNIT, TEMPERATURE_UNIT = "deg", "c_100"
 
 
 class KvhDsp1760(FramedGyro):
-    """A DSP-1760, one axis of which is read; satisfies `benchctl_instruments.interfaces.Gyro`.
+    """A DSP-1760, of which one axis is read; implements `benchctl_instruments.interfaces.Gyro`.
 
     Parameters
     ----------
     address
-        `serial://DEVICE?baud=N`, 921600 baud where it does not say, or `socket://HOST:PORT`.
+        `serial://DEVICE?baud=N`, by default 921600 baud, or `socket://HOST:PORT`.
     clock
-        What tells how long the line was deaf.
+        The clock that measures how long the line was unread.
     axis
         "x", "y" or "z".
     timeout_s
-        Wall time to wait for an answer and for a connection.
+        Timeout of an answer and of a connection; wall time.
     wire_log
-        Where to note what goes over the wire.
+        Log of the traffic on the line.
     """
 
     RATES_HZ = kvh.RATES_HZ
@@ -76,7 +76,7 @@ class KvhDsp1760(FramedGyro):
         self._set("config", 1)
 
     def _set(self, name: str, value: str | int) -> None:
-        """Change a setting; `InstrumentError` where the gyro refuses it."""
+        """Change a setting; raises `InstrumentError` if the gyro refuses it."""
 
         def answer(heard: bytes) -> bytes | None:
             if refusal := kvh.refusal_in(heard):

@@ -1,10 +1,10 @@
-"""Sensonor STIM300: three gyros, and what else was ordered with them, on RS-422.
+"""Sensonor STIM300: three gyros, and other sensors as ordered, on RS-422.
 
-Not tried on hardware. Datagrams and answers: `protocols.stim300`. The
-driver changes nothing: it asks how the STIM300 is configured, and reads that. It sends without end, so a stream
-begins after the answer to a question, and stopping one only stops reading.
+Not tried on hardware. Datagrams and answers: `protocols.stim300`. The driver changes no setting: it reads the
+configuration of the STIM300 and follows it. The STIM300 sends continuously, so a stream begins after the answer to a
+question, and stopping a stream only stops reading.
 
-Sources do not agree on what the counter goes up by, so it is taken from the first datagrams that follow each other.
+Sources differ on the increment of the counter, so the driver determines it from the first consecutive datagrams.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ FIRST_DATAGRAMS = 9
 READABLE = ("angular rate", "average angular rate", "incremental angle")
 
 Found: TypeAlias = tuple[ByteArray, bytes]
-"""A whole answer and the bytes after it."""
+"""A complete answer and the bytes after it."""
 
 
 class SensonorStim300(FramedGyro):
-    """A STIM300, one gyro of which is read; satisfies `benchctl_instruments.interfaces.Gyro`.
+    """A STIM300, of which one gyro is read; implements `benchctl_instruments.interfaces.Gyro`.
 
     Parameters
     ----------
     address
-        `serial://DEVICE?baud=N`, 921600 baud where it does not say, or `socket://HOST:PORT`.
+        `serial://DEVICE?baud=N`, by default 921600 baud, or `socket://HOST:PORT`.
     clock
-        What tells how long the line was deaf.
+        The clock that measures how long the line was unread.
     axis
         "x", "y" or "z".
     timeout_s
-        Wall time to wait for an answer and for a connection.
+        Timeout of an answer and of a connection; wall time.
     wire_log
-        Where to note what goes over the wire.
+        Log of the traffic on the line.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class SensonorStim300(FramedGyro):
         return actual_hz, queue, come
 
     def _check_readable(self, configuration: StimConfiguration, rate_hz: float) -> float:
-        """The rate at which it sends, if it is the wanted one."""
+        """Return the rate at which it sends; raises if that is not the wanted one or the axis cannot be read."""
         if configuration.rate_hz is None:
             raise InstrumentError(
                 f"{self._who}: it samples at an external trigger, so its counter tells no time;"
@@ -108,7 +108,7 @@ class SensonorStim300(FramedGyro):
         return configuration.rate_hz
 
     def _counter_step(self, configuration: StimConfiguration, datagram: FrameFormat, come: bytes) -> tuple[bytes, int]:
-        """Wait for some datagrams; all that has come, and what the counter goes up by."""
+        """Wait for some datagrams; return all received bytes and the increment of the counter."""
         give_up_s = time.monotonic() + self._timeout_s
         reader = FrameReader([datagram])
         runs = reader.feed(come)

@@ -1,1 +1,1 @@
-"""Bytes in, bytes out: TCP, Modbus, serial lines; time-outs, one reconnect policy, a log of the wire."""
+"""Links that carry bytes: TCP, Modbus and serial lines, with time-outs, one reconnect policy and a wire log."""

@@ -1,4 +1,4 @@
-"""Where an instrument answers: `tcp://HOST:PORT`, `serial://DEVICE?baud=N`, `socket://HOST:PORT`.
+"""Addresses of instruments: `tcp://HOST:PORT`, `serial://DEVICE?baud=N`, `socket://HOST:PORT`.
 
 `tcp://` is a plain TCP connection. `serial://` is a port of this machine (`serial:///dev/ttyUSB0?baud=19200`,
 `serial://COM3?baud=9600`). `socket://` is a serial line at the far end of a TCP connection, opened by pyserial's
@@ -19,9 +19,9 @@ _EXPECTED = "expected tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=19200, serial:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Address:
-    """An address taken apart; `str()` gives it back as it was written.
+    """A parsed address; `str()` returns the original text.
 
-    `host` and `port` are set for tcp and socket, `device` for serial. `baud` is None where the address does not say.
+    `host` and `port` are set for tcp and socket, `device` for serial. `baud` is None if the address does not state it.
     """
 
     text: str
@@ -36,16 +36,16 @@ class Address:
 
     @property
     def pyserial_url(self) -> str:
-        """What `serial.serial_for_url` opens; for serial and socket addresses."""
+        """The URL for `serial.serial_for_url`; for serial and socket addresses."""
         return self.device if self.scheme == "serial" else self.text
 
     def left_out(self, err: LinkError) -> str:
-        """What a link says, for an error that names the address already."""
+        """Return a link's error message without the address, for an error that already names the address."""
         return str(err).removeprefix(f"{self}: ")
 
 
 def parse_address(text: str) -> Address:
-    """Take an address apart; `UsageError` names the expected forms."""
+    """Parse an address; raises `UsageError` with the expected forms."""
     try:
         parts = urlsplit(text)
         if parts.scheme == "serial":
@@ -62,7 +62,7 @@ def parse_address(text: str) -> Address:
 
 
 def refuse_timeout(address: Address, timeout_s: float) -> None:
-    """Raise `UsageError` for a time for which nobody can wait."""
+    """Raise `UsageError` if the timeout is not a usable time."""
     if not 0.0 < timeout_s < math.inf:
         raise UsageError(f"address {str(address)!r}: a time-out of {timeout_s} s; give a finite one above 0")
 
@@ -76,7 +76,7 @@ def _host(parts: SplitResult) -> str:
 
 
 def _port(parts: SplitResult) -> int:
-    port = parts.port  # urllib raises ValueError where it is no number or above 65535
+    port = parts.port  # urllib raises ValueError if it is not a number or above 65535
     if not port:
         raise ValueError("the port is missing or 0")
     return port

@@ -1,8 +1,8 @@
-"""One line there, one line back, over any link that carries bytes. What the lines mean is the driver's business.
+"""A dialogue of one line for one line over any link that carries bytes. The driver interprets the lines.
 
-The policy for what fails: a query that is not answered is asked once more, on a new connection, because asking changes
-nothing. A command is not sent twice unless the caller says that it may be. After any failure the connection is given
-up and the line left quiet for `QUIET_S`, so that a late answer is never taken for that to the next question.
+Error policy: a query without an answer is repeated once on a new connection, because a query changes nothing. A command
+is repeated only if the caller permits it. After any failure the connection is closed and the line left quiet for
+`QUIET_S`, so that a late answer is never taken for the answer to the next question.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ ADVICE = "check power, cable, speed and address, and that nobody else holds the 
 
 
 class NoAnswerError(LinkError):
-    """The connection stands, but no whole answer came in time."""
+    """The connection is open, but no complete answer arrived in time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manners:
-    """How an instrument talks.
+    """Communication settings of an instrument.
 
-    `sent_end` is put behind what is sent, `answer_end` ends an answer. `timeout_s` of wall time is granted to a
-    connection and to a whole answer; between two exchanges the line stays quiet for `pause_s` of bench time. Where
-    `commands_answered` is not true, only queries get an answer.
+    `sent_end` is appended to each sent line, `answer_end` ends an answer. `timeout_s` is the timeout, in wall time, of
+    a connection and of a complete answer; the line stays quiet for `pause_s` of bench time between two exchanges. If
+    `commands_answered` is false, only queries are answered.
     """
 
     sent_end: bytes = b"\r\n"
@@ -44,18 +44,18 @@ class Manners:
 
 
 class LineDialogue:
-    """A dialogue with one instrument; every exchange is safe from several threads.
+    """A dialogue with one instrument; all exchanges are thread-safe.
 
     Parameters
     ----------
     name
-        How error messages call the instrument.
+        The name of the instrument in error messages.
     link
         The link; the dialogue opens and closes it.
     manners
-        How the instrument talks.
+        Communication settings of the instrument.
     clock
-        Where pauses take place.
+        The clock used for pauses.
     """
 
     def __init__(self, name: str, link: ByteLink, *, manners: Manners, clock: Clock) -> None:
@@ -68,7 +68,7 @@ class LineDialogue:
         self._lock = threading.Lock()
 
     def open(self) -> None:
-        """Connect; whether the instrument answers shows with the first question."""
+        """Connect; the first question shows whether the instrument answers."""
         with self._lock:
             try:
                 self._link.open(self._manners.timeout_s)
@@ -76,26 +76,26 @@ class LineDialogue:
                 raise LinkError(f"{self.who}: {self._link.address.left_out(err)}") from err
 
     def close(self) -> None:
-        """Let go of the link once no exchange is under way; safe to call twice, and never raises."""
+        """Close the link after any running exchange; safe to call twice, and never raises."""
         with self._lock:
             self._link.close()
 
     def ask(self, query: str, *, skip: Callable[[str], bool] | None = None) -> str:
-        """The line that answers a query; those that `skip` accepts come before it and are left out."""
+        """Return the line that answers a query; preceding lines that `skip` accepts are ignored."""
         return self._exchange(query, answered=True, attempts=2, skip=skip)
 
     def tell(self, command: str, *, repeatable: bool = False) -> str:
-        """Send a command; the line that answers it, or "" where commands are not answered.
+        """Send a command; return the line that answers it, or "" if commands are not answered.
 
-        `repeatable` allows to send it once more where no answer came: it sets a value and does not change it by some
-        amount.
+        `repeatable` permits a second attempt if no answer arrives: the command sets a value and does not change it by
+        an amount.
         """
         return self._exchange(
             command, answered=self._manners.commands_answered, attempts=2 if repeatable else 1, skip=None
         )
 
     def last_heard(self) -> str:
-        """What last went over the wire, for an error message."""
+        """Return the last traffic on the line, for an error message."""
         return f"last on the wire: {self._link.wire_log.tail(3)}"
 
     def _exchange(self, text: str, *, answered: bool, attempts: int, skip: Callable[[str], bool] | None) -> str:
@@ -121,8 +121,8 @@ class LineDialogue:
             return self._receive(skip) if answered else ""
         except LinkCutError as err:
             self._give_up("given up: cut")
-            says = self._link.address.left_out(err)
-            raise LinkCutError(f"{self.who}: sent {text!r}, and the link broke: {says}; {self.last_heard()}") from err
+            why = self._link.address.left_out(err)
+            raise LinkCutError(f"{self.who}: sent {text!r}, and the link broke: {why}; {self.last_heard()}") from err
         except NoAnswerError as err:
             self._give_up("given up: no answer in time")
             raise NoAnswerError(

@@ -1,11 +1,11 @@
-"""A Modbus master over pymodbus: registers read and written, one policy for what fails, errors that say where.
+"""A Modbus master over pymodbus: reads and writes registers, with one error policy and errors that name the unit.
 
-An address `tcp://HOST:PORT` speaks Modbus TCP; `serial://DEVICE?baud=N` and `socket://HOST:PORT` speak Modbus RTU.
+An address `tcp://HOST:PORT` uses Modbus TCP; `serial://DEVICE?baud=N` and `socket://HOST:PORT` use Modbus RTU.
 
-pymodbus' synchronous clients are made to tell why they cannot connect, to show what goes over the wire, and to answer
-at once. Each lasts for one connection, from `connect` to `close`: a client that has failed is not used again, so that
-nothing which arrives late can be taken for the answer to a later request. `heard` is what has come since the last
-request.
+The subclasses of pymodbus' synchronous clients report why they cannot connect, log the traffic, and return an answer as
+soon as it arrives. Each client is used for one connection, from `connect` to `close`: after a failure it is not used
+again, so that no late bytes can be taken for the answer to a later request. `heard` holds the bytes received since the
+last request.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ from benchctl_instruments.protocols.modbus import (
 DEFAULT_BAUD = 19200
 MOST_BYTES = 4096
 
-# Whatever goes wrong is raised as one of our errors; the library's own log line would say it a second time.
+# Every failure is raised as one of our errors; the library's own log line would repeat it.
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
 
 
 class TcpClient(ModbusTcpClient):
-    """Modbus TCP."""
+    """A Modbus TCP client."""
 
     def __init__(self, address: Address, timeout_s: float, wire_log: WireLog) -> None:
         super().__init__(address.host, port=address.port, timeout=timeout_s, retries=0)
@@ -61,7 +61,7 @@ class TcpClient(ModbusTcpClient):
         self.heard = b""
 
     def connect(self) -> bool:
-        """Connect, where that is not yet done; `OSError` says why it cannot be."""
+        """Connect unless connected; raises `OSError` with the reason on failure."""
         if self.socket is None:
             self.socket = socket.create_connection(self._where, timeout=self._timeout_s)
             self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -75,10 +75,10 @@ class TcpClient(ModbusTcpClient):
 
     def close(self) -> None:
         """Close the connection."""
-        super().close()  # type: ignore[no-untyped-call]  # pymodbus leaves it untyped
+        super().close()  # type: ignore[no-untyped-call]  # untyped in pymodbus
 
     def recv(self, size: int | None) -> bytes:
-        """The bytes that have come, waiting for the first; none after the time-out."""
+        """Return the received bytes, waiting for the first one; empty after the time-out."""
         if self.socket is None:
             raise ConnectionException("the connection is closed")
         try:
@@ -97,11 +97,11 @@ class TcpClient(ModbusTcpClient):
 
 
 class RtuClient(ModbusSerialClient):
-    """Modbus RTU on whatever pyserial opens.
+    """A Modbus RTU client on any port that pyserial opens.
 
-    pymodbus polls a serial port every millisecond or more until the number of waiting bytes no longer grows. Here the
-    first byte wakes the reader, and the frame's own length and CRC say when it is whole: that takes less time on a fast
-    line, and a gap within a frame does no harm.
+    pymodbus polls a serial port every millisecond or more until the number of waiting bytes no longer grows. This
+    client wakes on the first byte, and the frame's length and CRC determine its end: that is faster on a fast line, and
+    a gap within a frame does no harm.
     """
 
     def __init__(self, address: Address, timeout_s: float, wire_log: WireLog) -> None:
@@ -113,7 +113,7 @@ class RtuClient(ModbusSerialClient):
         self.heard = b""
 
     def connect(self) -> bool:
-        """Open the port for us alone, where that is not yet done; `OSError` or `ValueError` says why it cannot be."""
+        """Open the port exclusively unless it is open; raises `OSError` or `ValueError` with the reason on failure."""
         if self.socket is None:
             self.socket = serial.serial_for_url(
                 self._url, baudrate=self._baud, timeout=self._timeout_s, write_timeout=self._timeout_s, exclusive=True
@@ -121,24 +121,24 @@ class RtuClient(ModbusSerialClient):
         return True
 
     def lend(self, timeout_s: float, wire_log: WireLog) -> None:
-        """Serve another unit on the line: with its time-out and its log."""
+        """Serve another unit on the line, with the unit's time-out and log."""
         self.comm_params.timeout_connect = timeout_s
         if self.socket is not None:
             self.socket.timeout = timeout_s
         self.wire_log = wire_log
 
     def send(self, request: bytes, addr: tuple[str, int] | None = None) -> int:
-        """Send a frame, after throwing away what nobody asked for."""
+        """Discard unread input and send a frame."""
         self.heard = b""
         self.wire_log.sent(request)
         return int(super().send(request, addr))
 
     def close(self) -> None:
         """Close the port."""
-        super().close()  # type: ignore[no-untyped-call]  # pymodbus leaves it untyped
+        super().close()  # type: ignore[no-untyped-call]  # untyped in pymodbus
 
     def recv(self, size: int | None) -> bytes:
-        """The bytes that have come, waiting for the first; none after the time-out."""
+        """Return the received bytes, waiting for the first one; empty after the time-out."""
         if self.socket is None:
             raise ConnectionException("the port is closed")
         try:
@@ -155,23 +155,23 @@ ModbusClient = TcpClient | RtuClient
 
 
 def connected_client(address: Address, timeout_s: float, wire_log: WireLog) -> ModbusClient:
-    """A new client, connected; `OSError` or `ValueError` says why it cannot be."""
+    """Return a new, connected client; raises `OSError` or `ValueError` with the reason on failure."""
     client: ModbusClient = (TcpClient if address.scheme == "tcp" else RtuClient)(address, timeout_s, wire_log)
     client.connect()
     return client
 
 
 class ModbusLine:
-    """One connection, while links use it; everything is done under `lock`.
+    """A connection shared by links; use it only while holding `lock`.
 
     Attributes
     ----------
     lock
-        Who holds it has the line.
+        Lock of the line.
     client
-        The present connection; None: none.
+        The present connection, or None.
     quiet_until_s
-        Wall time before which nothing is said, after a failure: what arrives late is nobody's answer.
+        Wall time until which nothing is sent after a failure, so that late answers are discarded.
     """
 
     def __init__(self) -> None:
@@ -182,12 +182,12 @@ class ModbusLine:
         self._baud = DEFAULT_BAUD
 
     def join(self, address: Address) -> None:
-        """One link more uses the line.
+        """Register another link that uses the line.
 
         Raises
         ------
         UsageError
-            Where those who use it talk at another speed.
+            If the line is used at another speed.
         """
         baud = address.baud or DEFAULT_BAUD
         if self._users and baud != self._baud:
@@ -199,13 +199,13 @@ class ModbusLine:
         self._users += 1
 
     def leave(self, why: str) -> None:
-        """One link less uses the line; the last one closes it."""
+        """Unregister a link; the last one closes the line."""
         self._users -= 1
         if not self._users:
             self.drop(why)
 
     def connected(self, address: Address, timeout_s: float, wire_log: WireLog) -> ModbusClient:
-        """The connection, new where there is none, with a link's own time-out and log."""
+        """Return the connection, a new one if there is none, with a link's own time-out and log."""
         if self.client is None:
             self.client = connected_client(address, timeout_s, wire_log)
             wire_log.note(f"connected to {address}")
@@ -214,25 +214,25 @@ class ModbusLine:
         return self.client
 
     def drop(self, why: str) -> None:
-        """Give up the connection; the next exchange makes a new one."""
+        """Close the connection; the next exchange makes a new one."""
         if self.client is not None:
             self.client.wire_log.note(why)
-            with contextlib.suppress(OSError):  # a device that was pulled out cannot be closed in good order
+            with contextlib.suppress(OSError):  # an unplugged device cannot be closed cleanly
                 self.client.close()
             self.client = None
 
     def be_quiet(self, seconds: float) -> None:
-        """Say nothing for so much wall time from now on."""
+        """Send nothing for `seconds` of wall time from now on."""
         self.quiet_until_s = max(self.quiet_until_s, time.monotonic() + seconds)
 
     def wait_until_quiet(self) -> None:
-        """Wait until something may be said again."""
+        """Wait until sending is permitted again."""
         if (quiet_s := self.quiet_until_s - time.monotonic()) > 0:
             time.sleep(quiet_s)
 
 
 def line_at(address: Address) -> ModbusLine:
-    """The line of an address: that of the other links to the same serial line, or one of its own."""
+    """Return the line of an address: the one shared by all links to a serial line, or a new one."""
     if address.scheme == "tcp":
         return ModbusLine()
     with _GUARD:
@@ -247,17 +247,17 @@ _LINES: WeakValueDictionary[str, ModbusLine] = WeakValueDictionary()
 
 
 ADVICE = "check power, cable, speed and unit number"
-BROKEN = (ModbusException, OSError, struct.error, IndexError)  # the last two: a frame shorter than it says
+BROKEN = (ModbusException, OSError, struct.error, IndexError)  # the last two: a frame shorter than its header states
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Retry:
-    """What happens where no answer comes, or a broken one: after `wait_s` connect again, and ask again.
+    """Retry policy if no answer or a broken one arrives: reconnect after `wait_s`, and repeat the request.
 
-    Asking twice is harmless, because registers are written with values and not with changes; where it is not (a
-    toggling key), the caller says `once`. A refusal is an answer and is never repeated. `attempts` counts the first one
-    too, and is at least 1; `wait_s` of wall time lets a late answer pass by, before it could be taken for that to the
-    next request.
+    Repeating is harmless because registers are written with values and not with changes; if it is not (a toggling key),
+    the caller passes `once`. A refusal is an answer and is never repeated. `attempts` includes the first one and is at
+    least 1; `wait_s` is wall time in which a late answer passes before it could be taken for the answer to the next
+    request.
     """
 
     attempts: int = 3
@@ -265,36 +265,36 @@ class Retry:
 
 
 class ModbusLink:
-    """One unit at the end of a Modbus connection; safe to use from several threads, and beside links to other units.
+    """One unit at the end of a Modbus connection; thread-safe, and usable together with links to other units.
 
-    | what goes wrong                                     | what is done                                             |
+    | fault                                               | handling                                                 |
     |-----------------------------------------------------|----------------------------------------------------------|
-    | no answer, half of one, another unit's, a bad CRC,  | asked again on a new connection, as `Retry` says; then   |
+    | no answer, half of one, another unit's, a bad CRC,  | repeated on a new connection, as in `Retry`; then        |
     | junk before or in it, a register too few            | `LinkError`                                              |
-    | junk behind an answer, an answer in pieces          | thrown away; put together                                |
-    | a late answer                                       | taken for its request; the line then stays quiet until   |
-    |                                                     | the answer to the repeated one cannot be under way       |
-    | a cut connection, a restart                         | connected and asked again                                |
+    | junk behind an answer, an answer in pieces          | discarded; assembled                                     |
+    | a late answer                                       | accepted for its request; the line then stays quiet      |
+    |                                                     | until the answer to the repeated one must have arrived   |
+    | a cut connection, a restart                         | reconnected, and the request repeated                    |
     | an exception                                        | `InstrumentError`, never repeated                        |
 
-    What was got over is told to `benchctl_instruments.links.wirelog`.
+    Recovered faults are reported to `benchctl_instruments.links.wirelog`.
 
     Parameters
     ----------
     address
-        Where: `tcp://` for Modbus TCP, `serial://` or `socket://` for RTU.
+        `tcp://` for Modbus TCP, `serial://` or `socket://` for RTU.
     unit_id
         The unit's number, 1 to 247.
     name
-        What errors call the instrument.
+        The name of the instrument in error messages.
     timeout_s
-        Wall time to wait for an answer and for a connection.
+        Timeout of an answer and of a connection; wall time.
     retry
-        What to do without an answer.
+        The retry policy.
     pause_s, clock
-        How long the line stays quiet between two exchanges, and where that time passes; by default the host's clock.
+        Quiet time between two exchanges, and the clock that measures it; by default the host's clock.
     wire_log
-        Where to note what goes over the wire.
+        Log of the traffic on the link.
     """
 
     def __init__(
@@ -324,7 +324,7 @@ class ModbusLink:
         self._opened = False
 
     def open(self) -> None:
-        """Connect; whether the unit answers shows with the first read."""
+        """Connect; the first read shows whether the unit answers."""
         with self._line.lock:
             self.close()
             self._line.join(self.address)
@@ -338,14 +338,14 @@ class ModbusLink:
             self._opened = True
 
     def close(self) -> None:
-        """Let go of the connection; safe to call twice, and never raises."""
+        """Close the connection; safe to call twice, and never raises."""
         with self._line.lock:
             if self._opened:
                 self._opened = False
                 self._line.leave("closed")
 
     def read(self, address: int, count: int = 1) -> list[int]:
-        """`count` registers from `address` on (function 3)."""
+        """Return `count` registers from `address` on (function 3)."""
         reply = self._exchange(
             f"reading {_registers(address, count)}",
             lambda client: client.read_holding_registers(address, count=count, device_id=self._unit_id),
@@ -356,7 +356,7 @@ class ModbusLink:
     def write(self, address: int, values: Sequence[int], *, several: bool = False, once: bool = False) -> None:
         """Write words from `address` on: one with function 6, several with function 16.
 
-        `several` takes function 16 for one word too; `once` does not ask again where no answer comes.
+        `several` uses function 16 for one word too; with `once` the request is not repeated if no answer arrives.
         """
         words = list(values)
         what = f"writing {', '.join(map(str, words))} to {_registers(address, len(words))}"
@@ -377,7 +377,7 @@ class ModbusLink:
             )
 
     def read_f32(self, address: int, word_order: WordOrder = "high_first") -> float:
-        """An IEEE 754 single in two registers."""
+        """Return an IEEE 754 single from two registers."""
         return f32_from_words(self.read(address, 2), word_order)
 
     def write_f32(self, address: int, value: float, word_order: WordOrder = "high_first") -> None:
@@ -385,7 +385,7 @@ class ModbusLink:
         self.write(address, words_from_f32(value, word_order))
 
     def read_u32(self, address: int, word_order: WordOrder = "high_first") -> int:
-        """An unsigned 32-bit number in two registers."""
+        """Return an unsigned 32-bit number from two registers."""
         return u32_from_words(self.read(address, 2), word_order)
 
     def write_u32(self, address: int, value: int, word_order: WordOrder = "high_first") -> None:
@@ -399,7 +399,7 @@ class ModbusLink:
         fits: Callable[[ModbusPDU], bool],
         attempts: int | None = None,
     ) -> ModbusPDU:
-        """Ask, and again where the policy says so; `fits` tells an answer to this request from one to another."""
+        """Request and, as the policy permits, repeat; `fits` returns whether an answer belongs to this request."""
         attempts = attempts if attempts is not None else self._retry.attempts
         with self._line.lock:
             if not self._opened:
@@ -442,7 +442,7 @@ class ModbusLink:
         return reply
 
     def _let_spare_answer_pass(self) -> None:
-        """What was answered may have been the first request, late: on a line nothing tells its answer from the next."""
+        """Drop late answers: the accepted answer may be that to the first request; a line cannot tell them apart."""
         if self.address.scheme != "tcp":
             self._line.drop("asked twice: a second answer may follow")
             self._line.be_quiet(self._timeout_s)
@@ -459,7 +459,7 @@ class ModbusLink:
 
 
 def _tcp_frame_bytes(heard: bytes) -> int:
-    """Length of the Modbus TCP frame that begins so: its header says how many bytes follow its first six."""
+    """Return the length of a Modbus TCP frame: its header states how many bytes follow the first six."""
     return 6 + int.from_bytes(heard[4:6], "big")
 
 

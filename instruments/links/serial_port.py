@@ -1,7 +1,7 @@
-"""Bytes over a serial port of this machine, for protocols that bring their own framing.
+"""A link over a serial port of this machine, for protocols with their own framing.
 
-The policy is that of `links.tcp`: nothing is ever sent twice, and what fails says so. A port that was
-pulled out is opened anew by the next `send`.
+The policy is that of `links.tcp`: nothing is ever sent twice, and failures raise errors. The next `send` reopens a port
+that was unplugged.
 
 A `ByteLink` is any link that carries bytes: a TCP connection, a serial port, or a serial line at the far end of a TCP
 connection.
@@ -25,9 +25,9 @@ DEFAULT_BAUD = 19200
 
 
 class SerialLink:
-    """One serial port at a `serial://DEVICE?baud=N` address, 8N1, for us alone. Not for two threads at once.
+    """One serial port at a `serial://DEVICE?baud=N` address, 8N1, opened exclusively. Not thread-safe.
 
-    Every `LinkError` names the address and what was tried.
+    Every `LinkError` names the address and the attempted action.
     """
 
     def __init__(self, address: str, *, default_baud: int = DEFAULT_BAUD, wire_log: WireLog | None = None) -> None:
@@ -40,7 +40,7 @@ class SerialLink:
         self._timeout_s: float | None = None  # None: not open
 
     def open(self, timeout_s: float) -> None:
-        """Open the port; every write, now and later, may take `timeout_s` of wall time."""
+        """Open the port; `timeout_s` is the timeout, in wall time, of all writes."""
         refuse_timeout(self.address, timeout_s)
         self.close()
         self._timeout_s = timeout_s
@@ -51,16 +51,16 @@ class SerialLink:
             raise
 
     def close(self) -> None:
-        """Let go of the port; safe to call twice, and never raises."""
+        """Close the port; safe to call twice, and never raises."""
         self._timeout_s = None
         self._drop("closed")
 
     def cut(self, why: str) -> None:
-        """Give up the port but stay open: the next `send` opens it anew and throws away what arrived meanwhile."""
+        """Close the port but stay open: the next `send` reopens it and discards input received meanwhile."""
         self._drop(why)
 
     def send(self, data: bytes) -> None:
-        """Send all of it; what had arrived before is thrown away, since no one asked for it."""
+        """Discard unread input and send all data."""
         port = self._port if self._port is not None else self._connect()
         try:
             if stale := port.read(port.in_waiting):
@@ -68,12 +68,12 @@ class SerialLink:
                 self.wire_log.note("thrown away: nobody had asked")
             self.wire_log.sent(data)
             port.write(data)
-        except OSError as err:  # pyserial's own exceptions among them
+        except OSError as err:  # includes pyserial's own exceptions
             self._drop(f"cut while sending: {err}")
             raise LinkCutError(f"{self.address}: could not send {data[:64]!r}: {err}; check the cable") from err
 
     def receive(self, max_bytes: int, timeout_s: float) -> bytes:
-        """The next bytes, at least one, within `timeout_s` of wall time."""
+        """Return the next bytes, at least one, within `timeout_s` of wall time."""
         if self._port is None:
             raise LinkCutError(f"{self.address}: the port was given up, nothing can be received; send something first")
         timeout_s = max(timeout_s, 1e-3)
@@ -110,37 +110,37 @@ class SerialLink:
             return
         self.wire_log.note(why)
         port, self._port = self._port, None
-        with contextlib.suppress(OSError):  # a device that was pulled out cannot be closed in good order
+        with contextlib.suppress(OSError):  # an unplugged device cannot be closed cleanly
             port.close()
 
 
 def connect_reason(err: Exception) -> str:
-    """Why a connection cannot be made, as the system says it; pyserial repeats the port and the number of the error."""
+    """Return the system's reason of a failed connection; pyserial's message repeats the port and the error number."""
     if isinstance(err, serial.SerialException) and err.errno:
         return "another program has it open" if err.errno == errno.EAGAIN else in_line(os.strerror(err.errno))
     return reason(err) if isinstance(err, OSError) else in_line(str(err))
 
 
 class ByteLink(Protocol):
-    """What a driver needs of a link; an exchange that fails raises `LinkError`, a cut one `LinkCutError`."""
+    """The link that a driver uses; a failed exchange raises `LinkError`, a cut one `LinkCutError`."""
 
     address: Address
     wire_log: WireLog
 
     def open(self, timeout_s: float) -> None:
-        """Connect; each attempt, now and later, may take `timeout_s` of wall time."""
+        """Connect; `timeout_s` is the timeout, in wall time, of every connection attempt."""
 
     def close(self) -> None:
-        """Let go of the connection; safe to call twice, and never raises."""
+        """Close the connection; safe to call twice, and never raises."""
 
     def cut(self, why: str) -> None:
-        """Give up the connection but stay open: the next `send` makes a new one."""
+        """Close the connection but stay open: the next `send` makes a new one."""
 
     def send(self, data: bytes) -> None:
-        """Send all of it; what had arrived before is thrown away."""
+        """Discard unread input and send all data."""
 
     def receive(self, max_bytes: int, timeout_s: float) -> bytes:
-        """The next bytes, at least one, within `timeout_s` of wall time."""
+        """Return the next bytes, at least one, within `timeout_s` of wall time."""
 
 
 def byte_link(
@@ -150,7 +150,7 @@ def byte_link(
     reconnect: Reconnect | None = None,
     wire_log: WireLog | None = None,
 ) -> ByteLink:
-    """The link for an address: `tcp://`, `socket://` (serial behind a TCP box), or `serial://`."""
+    """Return the link for an address: `tcp://`, `socket://` (serial behind a TCP box), or `serial://`."""
     if parse_address(address).scheme == "serial":
         return SerialLink(address, default_baud=default_baud, wire_log=wire_log)
     return TcpLink(address, reconnect=reconnect, wire_log=wire_log)

@@ -1,9 +1,9 @@
-"""Bytes over TCP, for protocols that bring their own framing.
+"""A link over TCP, for protocols with their own framing.
 
-The reconnect policy, the only one: an exchange during which the link is cut fails with `LinkCutError`, and nothing is
-ever sent twice, because only a driver knows whether repeating a request is harmless. The next `send` connects again, in
-at most `Reconnect.attempts` attempts, `Reconnect.wait_s` apart. A link that was cut while nobody used it is noticed
-before anything is sent, so that such a cut costs nothing.
+The reconnect policy: an exchange during which the link is cut fails with `LinkCutError`, and nothing is ever sent
+twice, because only a driver can decide whether repeating a request is harmless. The next `send` reconnects, in at most
+`Reconnect.attempts` attempts, `Reconnect.wait_s` apart. A link that was cut while idle is detected before anything is
+sent, so that such a cut has no effect.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from benchctl_instruments.links.wirelog import WireLog
 
 
 class LinkCutError(LinkError):
-    """The connection broke in the middle of an exchange; whether the request arrived is unknown."""
+    """The connection broke during an exchange; whether the request arrived is unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reconnect:
-    """How hard to try to connect: the number of attempts (at least 1) and the wall time [s] between two of them."""
+    """Number of connection attempts (at least 1) and the wall time [s] between two of them."""
 
     attempts: int = 3
     wait_s: float = 0.2
 
 
 class TcpLink:
-    """One TCP connection to `tcp://` or `socket://HOST:PORT`, without Nagle's delay. Not for two threads at once.
+    """One TCP connection to `tcp://` or `socket://HOST:PORT`, without Nagle's delay. Not thread-safe.
 
-    Every `LinkError` names the address and what was tried.
+    Every `LinkError` names the address and the attempted action.
     """
 
     def __init__(self, address: str, *, reconnect: Reconnect | None = None, wire_log: WireLog | None = None) -> None:
@@ -46,7 +46,7 @@ class TcpLink:
         self._connect_timeout_s: float | None = None  # None: not open
 
     def open(self, timeout_s: float) -> None:
-        """Connect; each attempt, now and later, may take `timeout_s` of wall time."""
+        """Connect; `timeout_s` is the timeout, in wall time, of every connection attempt."""
         refuse_timeout(self.address, timeout_s)
         self.close()
         self._connect_timeout_s = timeout_s
@@ -57,16 +57,16 @@ class TcpLink:
             raise
 
     def close(self) -> None:
-        """Let go of the connection; safe to call twice, and never raises."""
+        """Close the connection; safe to call twice, and never raises."""
         self._connect_timeout_s = None
         self._drop("closed")
 
     def cut(self, why: str) -> None:
-        """Give up the connection but stay open: the next `send` makes a new one, on which no late reply can arrive."""
+        """Close the connection but stay open: the next `send` makes a new one, on which no late reply can arrive."""
         self._drop(why)
 
     def send(self, data: bytes) -> None:
-        """Send all of it, on a live connection; what had arrived before is thrown away, since no one asked for it."""
+        """Discard unread input and send all data on a live connection."""
         self._discard_input()
         connection = self._socket if self._socket is not None else self._connect()
         self.wire_log.sent(data)
@@ -79,10 +79,10 @@ class TcpLink:
             ) from err
 
     def receive(self, max_bytes: int, timeout_s: float) -> bytes:
-        """The next bytes, at least one, within `timeout_s` of wall time."""
+        """Return the next bytes, at least one, within `timeout_s` of wall time."""
         if self._socket is None:
             raise LinkCutError(f"{self.address}: the connection was cut, nothing can be received; send something first")
-        timeout_s = max(timeout_s, 1e-3)  # what has come is taken, however late; 0 would mean: do not wait at all
+        timeout_s = max(timeout_s, 1e-3)  # available data are always read; 0 would mean not to wait at all
         self._socket.settimeout(timeout_s)
         try:
             data = self._socket.recv(max_bytes)
@@ -145,7 +145,7 @@ class TcpLink:
             return
         self.wire_log.note(why)
         connection, self._socket = self._socket, None
-        with contextlib.suppress(OSError):  # a connection that is already broken cannot be shut down in good order
+        with contextlib.suppress(OSError):  # a connection that is already broken cannot be shut down cleanly
             connection.shutdown(socket.SHUT_RDWR)
         connection.close()
 

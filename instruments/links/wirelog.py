@@ -1,7 +1,7 @@
-"""What last went over a wire: a bounded, thread-safe ring that every link writes to and error messages show.
+"""A log of the traffic on a link: a bounded, thread-safe ring buffer that every link writes and error messages quote.
 
-What went wrong on a link and was recovered from is logged as `benchctl_instruments.links.recovered`. A campaign
-attaches a handler and keeps the records in its journal; without a handler nothing is printed.
+A recovered fault of a link is logged by the logger `benchctl_instruments.links.recovered`. A campaign attaches a
+handler and stores the records in its journal; without a handler nothing is printed.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _MARKS: dict[Direction, str] = {"sent": ">", "received": "<", "note": "-"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WireEntry:
-    """One packet or one event on a wire.
+    """One packet or one event on a link.
 
-    `time_s` is seconds of wall time since the epoch, `length` the packet's whole length, of which `data` may hold only
-    the beginning. The data of a note are its text.
+    `time_s` is seconds of wall time since the epoch; `length` is the packet's full length, of which `data` may hold
+    only the beginning. The data of a note are its text.
     """
 
     time_s: float
@@ -42,8 +42,8 @@ class WireEntry:
 class WireLog:
     """The last `size` entries, each with at most `entry_bytes` bytes of its data.
 
-    `sink` is called with every entry, in the order in which they were written, by the thread that wrote it; it must be
-    quick and must not write to the same log.
+    `sink` is called with every entry, in order, by the thread that wrote it; it must be fast and must not write to the
+    same log.
     """
 
     def __init__(
@@ -55,30 +55,30 @@ class WireLog:
         self._lock = threading.Lock()
 
     def sent(self, data: bytes) -> None:
-        """Bytes left for the instrument."""
+        """Log bytes sent to the instrument."""
         self._write("sent", data)
 
     def received(self, data: bytes) -> None:
-        """Bytes came from the instrument."""
+        """Log bytes received from the instrument."""
         self._write("received", data)
 
     def note(self, text: str) -> None:
-        """Something happened to the link itself."""
+        """Log an event of the link itself."""
         self._write("note", text.encode())
 
     def last(self, count: int) -> list[WireEntry]:
-        """The last `count` entries at most, oldest first."""
+        """Return at most the last `count` entries, oldest first."""
         with self._lock:
             found = list(self._entries)[-count:] if count > 0 else []
         return [_entry(*written) for written in found]
 
     def tail(self, count: int = 4) -> str:
-        """The last entries in one line, for an error message."""
+        """Return the last entries in one line, for an error message."""
         return "; ".join(str(entry) for entry in self.last(count)) or "nothing yet"
 
     def _write(self, direction: Direction, data: bytes) -> None:
         kept = data if direction == "note" else bytes(data[: self._entry_bytes])
-        written = (time.time(), direction, kept, len(data))  # an entry is made of it when somebody looks
+        written = (time.time(), direction, kept, len(data))  # converted to an entry on demand
         with self._lock:
             self._entries.append(written)
             if self._sink is not None:
@@ -94,5 +94,5 @@ logger.addHandler(logging.NullHandler())  # without a handler Python would print
 
 
 def note_recovered(failure: str, how: str = "asked again, it answered") -> None:
-    """Say what went wrong, and how it was got over; `failure` names the instrument."""
+    """Log a fault and how it was recovered; `failure` names the instrument."""
     logger.warning("%s; %s", failure, how)

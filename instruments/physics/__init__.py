@@ -1,1 +1,1 @@
-"""What the bench obeys: pure functions on arrays."""
+"""Physical models of the bench: pure functions on arrays."""

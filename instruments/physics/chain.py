@@ -1,13 +1,13 @@
-"""The signal chain from the table's motion to a sample, as named stages into which omitted physics can be plugged.
+"""The signal chain from the table's motion to a sample: named stages to which effects can be added.
 
     motion -> sensed_rate -> coil_temperature -> scale -> bias -> electronics -> sampling
 
-A stage is a function from `Signals` to `Signals`. The baseline gives one for each stage that does something; effects of
-a stage come after it. All but the last run on a uniform grid, dense against the electronics; sampling runs on the
-digitizer's scans.
+A stage is a function from `Signals` to `Signals`. The baseline provides one for each stage that changes signals;
+effects of a stage follow it. All stages but the last run on a uniform grid that is dense relative to the electronics;
+sampling runs on the digitizer's scans.
 
-What a stage must know of the samples before its own (the state of a filter) it keeps in `Signals.memory` under a name
-of its own, so that a run cut into chunks, each given the memory of the one before, is the run in one piece.
+A stage stores what it needs from earlier samples (the state of a filter) in `Signals.memory` under its own name. A run
+that is cut into chunks, each given the memory of the previous one, therefore equals the uncut run.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ STAGES: tuple[Stage, ...] = (*GRID_STAGES, "sampling")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signals:
-    """A stretch of the chain; every array of shape (n,), sample i at time_s[i] on the bench clock.
+    """A segment of the chain's signals; every array has shape (n,), sample i at time_s[i] on the bench clock.
 
-    `first_index` is, on the grid, the index of the first sample, so that a stretch which goes on from another begins
-    where that ended; at the sampling stage, the number of scans taken before.
+    `first_index` is, on the grid, the index of the first sample, so that consecutive segments join; at the sampling
+    stage, it is the number of scans taken before.
 
-    Motion is true: angle [deg] unwrapped, rate [deg/s], acceleration [deg/s²]. `housing_c` and `coil_c` are true
-    temperatures of the gyro. What stages produce: `sensed_rate_dps`, the rate that the coil feels, in inertial space;
-    `output_v`, the gyro's output as far as the chain has come; at the sampling stage `encoder_deg`, what the encoder
-    states before it counts, and `thermistor_c`, what the thermistor states. Before its stage each is its ideal: the
-    table's rate, 0 V, the true angle, the housing's temperature. `coil_rate_c_per_s` is the time derivative of
-    `coil_c`; `auxiliary` holds what else was recorded, a supply's volts say, by the name of its channel.
+    Motion is the true motion: angle [deg] unwrapped, rate [deg/s], acceleration [deg/s²]. `housing_c` and `coil_c` are
+    true temperatures of the gyro. Stages compute: `sensed_rate_dps`, the rate sensed by the coil, in inertial space;
+    `output_v`, the gyro's output after the stages applied so far; at the sampling stage `encoder_deg`, the encoder's
+    angle before quantization, and `thermistor_c`, the thermistor's temperature. Before its stage each has its ideal
+    value: the table's rate, 0 V, the true angle, the housing's temperature. `coil_rate_c_per_s` is the time derivative
+    of `coil_c`; `auxiliary` holds other recorded signals, such as a supply voltage, by the name of their channel.
     """
 
     interval_s: float
@@ -65,20 +65,20 @@ Baseline = Mapping[Stage, StageFunction]
 
 
 class Effect(Protocol):
-    """Physics that the baseline leaves out: it acts after the baseline's own function of its stage."""
+    """An effect missing from the baseline; it acts after the baseline's function of its stage."""
 
     @property
     def stage(self) -> Stage:
-        """Where it acts."""
+        """The stage at which the effect acts."""
 
     def apply(self, signals: Signals) -> Signals:
-        """The signals with the effect."""
+        """Return the signals with the effect."""
 
 
 def run_chain(
     signals: Signals, baseline: Baseline, effects: Sequence[Effect] = (), stages: Sequence[Stage] = STAGES
 ) -> Signals:
-    """Send signals through stages; effects of one stage act in the order given."""
+    """Pass signals through the stages; effects of one stage act in the given order."""
     for stage in stages:
         if stage in baseline:
             signals = baseline[stage](signals)
@@ -89,9 +89,9 @@ def run_chain(
 
 
 def gyro_baseline(parameters: GyroParameters, earth_dps: float, interval_s: float) -> Baseline:
-    """The gyro's stages on the grid; `earth_dps` is the Earth's rate about the input axis [deg/s].
+    """Return the gyro's stages on the grid; `earth_dps` is the Earth's rate about the input axis [deg/s].
 
-    The coil's temperature and the motion come true from the bench: their stages have nothing to do here.
+    The bench supplies the true motion and coil temperature: the baseline has no function for these stages.
     """
     aligned = math.cos(1e-3 * parameters.misalignment_mrad)
 
@@ -111,7 +111,7 @@ def gyro_baseline(parameters: GyroParameters, earth_dps: float, interval_s: floa
 
     def smooth(signals: Signals) -> Signals:
         next_index, *kept = signals.memory.get("electronics", (-np.inf,))
-        # without the sample just before, the best that is known is that the input was long as it is
+        # without the previous sample, a long constant input is assumed
         state = (
             np.asarray(kept) if next_index == signals.first_index else electronics.at_rest(float(signals.output_v[0]))
         )

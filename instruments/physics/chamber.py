@@ -1,9 +1,9 @@
-"""A climate chamber and the gyro inside it: a set point followed at a limited ramp, then three thermal lags in a row.
+"""A climate chamber and the gyro inside it: a set point followed at a limited ramp, then three thermal lags in series.
 
     set point -> profile (limited slope) -> air (τa) -> housing (τh) -> coil (τc)
 
-Switched off, the air drifts to the room's temperature instead. The profile is piecewise linear in time, so each
-temperature is a straight line plus exponentials: `advance` is exact and does not depend on how time is cut into pieces.
+When switched off, the air drifts to the room's temperature instead. The profile is piecewise linear in time, so each
+temperature is a straight line plus exponentials: `advance` is exact and does not depend on how time is divided.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from benchctl_instruments.errors import UsageError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChamberParameters:
-    """Lags [s], the ramp limit [°C/min] and what the heater shows; every default is assumed.
+    """Lags [s], the ramp limit [°C/min] and the coefficients of the displayed power; every default is assumed.
 
-    `self_heating_c` is how much warmer than the air the gyro's housing settles. The power shown is what holds the air
-    away from the room's temperature and what moves it.
+    `self_heating_c` is the steady temperature of the gyro's housing above the air. The displayed power is the sum of
+    the power that holds the air away from the room's temperature and the power that changes it.
     """
 
     ramp_c_per_min: float = 2.0
@@ -40,14 +40,14 @@ class ChamberParameters:
         lags_s = sorted((self.air_lag_s, self.housing_lag_s, self.coil_lag_s, self.drift_lag_s))
         if lags_s[0] <= 0.0:
             raise UsageError(f"a thermal lag of {lags_s[0]} s; give one above 0")
-        # the exponentials of two equal lags merge into a form that the closed solution does not have
+        # the closed-form solution is not valid for two equal lags
         if any(above < 1.01 * below for below, above in itertools.pairwise(lags_s)):
             raise UsageError(f"thermal lags {lags_s} s; leave at least 1 % between any two")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChamberState:
-    """Everything that decides the future of the temperatures [°C]; `profile_c` is what the ramp has come to."""
+    """The complete thermal state, temperatures in °C; `profile_c` is the present value of the ramp."""
 
     air_c: float
     housing_c: float
@@ -58,27 +58,27 @@ class ChamberState:
 
 
 def settled(parameters: ChamberParameters, room_c: float) -> ChamberState:
-    """A chamber that has long been off."""
+    """Return the state of a chamber that has long been off."""
     gyro_c = room_c + parameters.self_heating_c
     return ChamberState(air_c=room_c, housing_c=gyro_c, coil_c=gyro_c, profile_c=room_c, setpoint_c=room_c)
 
 
 def switched(state: ChamberState, on: bool) -> ChamberState:
-    """The state right after conditioning is switched; switched on, the profile starts from the air."""
+    """Return the state after switching conditioning; when switched on, the profile starts from the air."""
     if on and not state.running:
         return replace(state, running=True, profile_c=state.air_c)
     return replace(state, running=on)
 
 
 def advance(parameters: ChamberParameters, room_c: float, state: ChamberState, seconds: float) -> ChamberState:
-    """The state `seconds` later under an unchanged set point."""
+    """Return the state `seconds` later under an unchanged set point."""
     return Forecast(parameters, room_c, state).after(seconds)
 
 
 class Forecast:
-    """What becomes of a state under an unchanged set point; for whoever asks for many instants of it.
+    """Future states under an unchanged set point, efficient for many instants.
 
-    There is a ramp, where it conditions and is not there yet, and what follows: each is solved once.
+    The ramp, if the set point is not yet reached, and the settling after it are solved once each.
     """
 
     def __init__(self, parameters: ChamberParameters, room_c: float, state: ChamberState) -> None:
@@ -91,7 +91,7 @@ class Forecast:
         self._ramp_s = distance_c / self._slope if state.running else 0.0
 
     def after(self, seconds: float) -> ChamberState:
-        """The state `seconds` later."""
+        """Return the state `seconds` later."""
         if seconds <= 0.0:
             return self._start
         if self._start.running and seconds <= self._ramp_s:
@@ -108,7 +108,7 @@ class Forecast:
 
     @cached_property
     def _settling(self) -> tuple[ChamberState, _Courses]:
-        """The state in which nothing moves the air's target any more, and what follows it."""
+        """Return the state at the end of the ramp, and the temperatures from then on."""
         start = self._ramping(self._ramp_s) if self._ramp_s > 0.0 else self._start
         if start.running:
             start = replace(start, profile_c=start.setpoint_c)
@@ -127,7 +127,7 @@ class Forecast:
 
 
 def power_percent(parameters: ChamberParameters, room_c: float, state: ChamberState) -> float:
-    """Heating (+) or cooling (-) power [%], within ±100; an estimate from the air and its slope."""
+    """Return the heating (+) or cooling (-) power [%], within ±100; estimated from the air and its slope."""
     if not state.running:
         return 0.0
     slope_c_per_min = (state.profile_c - state.air_c) / parameters.air_lag_s * 60.0
@@ -145,7 +145,7 @@ class _Course:
     decays: tuple[tuple[float, float], ...] = ()
 
     def behind(self, tau_s: float, start: float) -> _Course:
-        """What follows this course through a first-order lag, from a start value on."""
+        """Return the output of a first-order lag with this course as input, from a start value."""
         level = self.level - self.slope * tau_s
         decays = tuple((amplitude * other_s / (other_s - tau_s), other_s) for amplitude, other_s in self.decays)
         own = start - level - sum(amplitude for amplitude, _ in decays)
@@ -156,7 +156,7 @@ class _Course:
 
 
 _Courses = tuple[_Course, _Course, _Course]
-"""Of air, housing and coil."""
+"""Courses of air, housing and coil."""
 
 
 def _courses(

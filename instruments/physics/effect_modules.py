@@ -1,4 +1,4 @@
-"""Finds effects: those that the modules of a package define, one file an effect, and those of other packages."""
+"""Find effects: those defined by the modules of a package, one module per effect, and those of other packages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Kind = TypeVar("Kind", bound=DescribedEffect)
 
 
 def known_effects(package: ModuleType, kind: type[Kind]) -> MappingProxyType[str, type[Kind]]:
-    """Every effect of a kind by its identifier, in alphabetical order: a package's and those of the entry points."""
+    """Return every effect of a kind by identifier, in alphabetical order: of the package and of the entry points."""
     found = dict(effects_in(package, kind))
     for identifier, one in _theirs().items():
         if issubclass(one, kind):
@@ -30,7 +30,7 @@ def known_effects(package: ModuleType, kind: type[Kind]) -> MappingProxyType[str
 
 
 def effects_in(package: ModuleType, kind: type[Kind]) -> MappingProxyType[str, type[Kind]]:
-    """Every effect of a kind that a package's modules define, by its identifier, in alphabetical order."""
+    """Return every effect of a kind that a package's modules define, by identifier, in alphabetical order."""
     found: dict[str, type[Kind]] = {}
     for module in pkgutil.iter_modules(package.__path__):
         for name, one in vars(importlib.import_module(f"{package.__name__}.{module.name}")).items():
@@ -41,7 +41,7 @@ def effects_in(package: ModuleType, kind: type[Kind]) -> MappingProxyType[str, t
 
 
 def refuse_broken(identifier: str) -> None:
-    """Raise the `UsageError` of an effect that another package adds and that cannot be used, where that is so."""
+    """Raise `UsageError` if `identifier` is an effect of another package that cannot be used."""
     offer = offers(GROUP).get(identifier)
     if offer is not None and identifier not in _theirs():
         _loaded(offer)
@@ -49,7 +49,7 @@ def refuse_broken(identifier: str) -> None:
 
 @lru_cache(maxsize=1)
 def _theirs() -> dict[str, type[DescribedEffect]]:
-    """The effects of other packages; what cannot be used is left out, with a line in the log."""
+    """Return the effects of other packages; unusable ones are omitted and logged."""
     found: dict[str, type[DescribedEffect]] = {}
     added = offers(GROUP)
     ours = _ours() if added else frozenset()
@@ -73,6 +73,6 @@ def _loaded(offer: Offer) -> type[DescribedEffect]:
 
 
 def _ours() -> frozenset[str]:
-    """The identifiers of all our effects, of whatever part of the bench."""
+    """Return the identifiers of all built-in effects, of every part of the bench."""
     packages = [importlib.import_module(f"benchctl_instruments.physics.{name}") for name in _PACKAGES]
-    return frozenset(identifier for package in packages for identifier in effects_in(package, DescribedEffect))  # type: ignore[type-abstract]  # the base is what they are found by
+    return frozenset(identifier for package in packages for identifier in effects_in(package, DescribedEffect))  # type: ignore[type-abstract]  # found by their base class

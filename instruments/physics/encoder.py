@@ -14,9 +14,9 @@ DEG_PER_ARCSEC = 1.0 / 3600.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EncoderParameters:
-    """An encoder that is wrong by amplitude·sin(order·(θ − phase)): eccentricity is order 1, ellipticity 2.
+    """An encoder with the errors amplitude·sin(order·(θ − phase)): eccentricity is order 1, ellipticity 2.
 
-    The default amplitudes add up to an accuracy of 20″. `sign` is -1 where the count falls while the table turns
+    The default amplitudes add up to an accuracy of 20″. `sign` is -1 if the count falls while the table turns
     counter-clockwise.
     """
 
@@ -36,7 +36,7 @@ class EncoderParameters:
 
 
 def encoder_angle_deg(parameters: EncoderParameters, angle_deg: FloatArray) -> FloatArray:
-    """The angle [deg] that the encoder would state without steps, for true angles [deg], shape (n,), unwrapped."""
+    """Return the encoder's angle [deg] without quantization, for true angles [deg], shape (n,), unwrapped."""
     error_arcsec = parameters.eccentricity_arcsec * np.sin(
         np.radians(angle_deg - parameters.eccentricity_phase_deg)
     ) + parameters.ellipticity_arcsec * np.sin(2.0 * np.radians(angle_deg - parameters.ellipticity_phase_deg))
@@ -44,6 +44,6 @@ def encoder_angle_deg(parameters: EncoderParameters, angle_deg: FloatArray) -> F
 
 
 def quadrature_count(parameters: EncoderParameters, encoder_deg: FloatArray) -> IntArray:
-    """The count, shape (n,), unwrapped: the number of whole steps passed since angle zero, below the angle (floor)."""
+    """Return the unwrapped count, shape (n,): the number of complete steps since angle zero, rounded down (floor)."""
     steps = np.floor(encoder_deg * (parameters.sign * parameters.counts_per_rev / 360.0))
     return steps.astype(np.int64)

@@ -1,10 +1,10 @@
-"""The open-loop fibre-optic gyro: what it puts out, before noise, for a rate and a temperature of its coil.
+"""The open-loop fibre-optic gyro: its output, before noise, for a rate and a coil temperature.
 
     U = h{ U0(T) + (K0/S)·g(T)·sin(S·Ω + φ) },    g(T) = 1 + g1·ΔT + g2·ΔT²,   U0(T) = U0 + c1·ΔT + c2·ΔT²
 
 with ΔT = T − T0, T the temperature of the coil and Ω the rate about the input axis in inertial space (the table's and
 the Earth's). The sine is the interferometer's (Sagnac phase S·Ω, first harmonic of the detector); h is the output's
-low-pass. What changes whenever the gyro is switched on or mounted otherwise is in `turn_on` and `mounting`.
+low-pass. Changes at each switch-on are in `turn_on`, changes with the mounting in `mounting`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy  # which loads signal when it is first used
+import scipy  # scipy.signal is loaded on first use
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
@@ -27,11 +27,11 @@ EARTH_RATE_DPH = 15.041
 class GyroParameters:
     """An analog open-loop gyro of the VG910 class. No data sheet is public: every default is assumed.
 
-    S agrees with what the published correction polynomial implies (0.00448 to 0.00452 rad per deg/s); g1 and g2 are the
+    S agrees with the published correction polynomial, which implies 0.00448 to 0.00452 rad per deg/s; g1 and g2 are the
     inverse of the published k(T) to first order. `arw_deg_per_sqrt_h` is the angle random walk N; N/60 is the two-sided
     amplitude density of the rate noise in (deg/s)/√Hz. `order` 0 is an output without low-pass. `turn_on_bias_v` and
-    `turn_on_scale_ppm` are standard deviations of what each switching on adds to bias and scale factor;
-    `misalignment_mrad` is the angle between the input axis and the one that its housing shows.
+    `turn_on_scale_ppm` are standard deviations of the changes of bias and scale factor at each switch-on;
+    `misalignment_mrad` is the angle between the input axis and the axis marked on the housing.
     """
 
     K0_v_per_dps: float = 0.050
@@ -63,17 +63,17 @@ class GyroParameters:
 
 
 def earth_rate_dps(latitude_deg: float) -> float:
-    """The Earth's rate about a vertical axis [deg/s], positive (counter-clockwise seen from above) in the north."""
+    """Return the Earth's rate about a vertical axis [deg/s]: positive (counter-clockwise from above) in the north."""
     return EARTH_RATE_DPH / 3600.0 * math.sin(math.radians(latitude_deg))
 
 
 def horizontal_earth_rate_dps(latitude_deg: float) -> float:
-    """The Earth's rate about a horizontal axis that points north [deg/s]."""
+    """Return the Earth's rate about a horizontal axis that points north [deg/s]."""
     return EARTH_RATE_DPH / 3600.0 * math.cos(math.radians(latitude_deg))
 
 
 def sine_output_v(parameters: GyroParameters, rate_dps: FloatArray, coil_c: FloatArray) -> FloatArray:
-    """The interferometer's part of the output [V] for rates [deg/s] and coil temperatures [°C], all of shape (n,)."""
+    """Return the interferometer's output [V] for rates [deg/s] and coil temperatures [°C], all of shape (n,)."""
     delta_c = coil_c - parameters.T0_c
     gain = 1.0 + delta_c * (parameters.g1_per_c + delta_c * parameters.g2_per_c2)
     phase = parameters.S_rad_per_dps * rate_dps
@@ -85,25 +85,25 @@ def sine_output_v(parameters: GyroParameters, rate_dps: FloatArray, coil_c: Floa
 
 
 def bias_v(parameters: GyroParameters, coil_c: FloatArray) -> FloatArray:
-    """The bias U0(T) [V] for coil temperatures [°C], shape (n,)."""
+    """Return the bias U0(T) [V] for coil temperatures [°C], shape (n,)."""
     delta_c = coil_c - parameters.T0_c
     return parameters.U0_v + delta_c * (parameters.c1_v_per_c + delta_c * parameters.c2_v_per_c2)
 
 
 def white_deviation_v(parameters: GyroParameters, sample_rate_hz: float) -> float:
-    """Standard deviation [V] of samples that each average the white noise over one interval: K0·N/60·√fs."""
+    """Return the standard deviation [V] of white noise averaged over one sample interval: K0·N/60·√fs."""
     return parameters.K0_v_per_dps * parameters.arw_deg_per_sqrt_h / 60.0 * math.sqrt(sample_rate_hz)
 
 
-@dataclass(frozen=True)  # no slots: what is worked out once is kept
+@dataclass(frozen=True)  # no slots: cached_property needs a __dict__
 class LowPass:
-    """A Butterworth low-pass as a difference equation, exact for an input that runs straight from sample to sample."""
+    """A Butterworth low-pass as a difference equation, exact for an input that is linear between samples."""
 
     numerator: FloatArray
     denominator: FloatArray
 
     def at_rest(self, level: float) -> FloatArray:
-        """The state, shape (order,), of a filter whose input has long been at a level."""
+        """Return the state, shape (order,), of a filter after a long constant input."""
         state: FloatArray = self._at_rest_at_one * level
         return state
 
@@ -113,13 +113,13 @@ class LowPass:
         return state
 
     def __call__(self, x: FloatArray, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Filter samples of shape (n,) from a state on; the output, shape (n,), and the state to go on from."""
+        """Filter samples of shape (n,) from a state; return the output, shape (n,), and the final state."""
         y, after = scipy.signal.lfilter(self.numerator, self.denominator, x, zi=state)
         return y, after
 
 
 def low_pass(cutoff_hz: float, order: int, interval_s: float) -> LowPass:
-    """Discretise a continuous Butterworth low-pass (triangle hold, so that neither gain nor delay at 0 Hz is touched).
+    """Discretise a continuous Butterworth low-pass (triangle hold, which preserves gain and delay at 0 Hz).
 
     The delay at low frequency is √2/(2π·cutoff) for order 2 and 1/(2π·cutoff) for order 1.
     """

@@ -1,9 +1,9 @@
-"""A gyro whose input axis lies across the table's: it is horizontal and turns with the table.
+"""A gyro whose input axis is perpendicular to the table's axis: horizontal, and turning with the table.
 
     Ω = ω·sin δ + Ω_E·cos φ·cos θ
 
 with ω the table's rate, δ the misalignment, φ the latitude and θ the table's angle, at 0 of which the axis points
-north. What the small angle adds to the Earth's part is left out; over whole revolutions that part is zero.
+north. The effect of δ on the Earth's part is neglected; the mean of that part over complete revolutions is zero.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from benchctl_instruments.physics.chain import Baseline, Signals
 
 
 def mounted_across(baseline: Baseline, misalignment_mrad: float, north_dps: float) -> Baseline:
-    """The same gyro mounted across; `north_dps` is the Earth's rate about an axis that points north [deg/s]."""
+    """Return the gyro's baseline for this mounting; `north_dps` is the Earth's rate about a northward axis [deg/s]."""
     share = math.sin(1e-3 * misalignment_mrad)
 
     def sense(signals: Signals) -> Signals:

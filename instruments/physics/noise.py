@@ -1,4 +1,4 @@
-"""Random processes of the sensor: white noise, and a random walk that can be asked for at any increasing instants."""
+"""Random processes of the sensor: white noise, and a random walk sampled at any increasing instants."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from benchctl_instruments.errors import UsageError
 
 
 class WhiteNoise:
-    """Independent normal samples; the series does not depend on how it is cut into draws."""
+    """Independent normal samples; the series does not depend on how it is divided into draws."""
 
     def __init__(self, seed: np.random.SeedSequence) -> None:
         self._generator = np.random.default_rng(seed)
 
     def draw(self, samples: int, deviation: float) -> FloatArray:
-        """The next samples, shape (samples,), of a standard deviation."""
+        """Return the next samples, shape (samples,), with a standard deviation."""
         values = self._generator.standard_normal(samples)
         values *= deviation
         return values
@@ -24,8 +24,7 @@ class WhiteNoise:
 class RandomWalk:
     """Integrated white noise B, zero at time zero: increments over disjoint times are independent, variance q²·Δt.
 
-    Exact at the instants asked for, whatever their spacing, and continuous from one call to the next. `last_s` is the
-    last instant that was asked for.
+    Exact at the sampled instants for any spacing, and continuous between calls. `last_s` is the last sampled instant.
     """
 
     def __init__(self, seed: np.random.SeedSequence, per_sqrt_s: float) -> None:
@@ -35,7 +34,7 @@ class RandomWalk:
         self._value = 0.0
 
     def at(self, times_s: FloatArray) -> FloatArray:
-        """The walk at instants [s] of shape (n,), n ≥ 1, increasing and none before the last one asked for."""
+        """Return the walk at instants [s], shape (n,), n ≥ 1, increasing and none before the last sampled instant."""
         waits_s = np.empty_like(times_s)
         waits_s[0] = times_s[0] - self.last_s
         np.subtract(times_s[1:], times_s[:-1], out=waits_s[1:])

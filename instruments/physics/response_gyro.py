@@ -1,10 +1,10 @@
-"""A gyro that obeys a calibration to the letter: the response as a lab believes in it, and nothing beside.
+"""A gyro that follows a calibration exactly, without any other effect.
 
     U = U0 + K0·k(T)·k(ω)·ω + n,    k(T) = 1 + a1·ΔT + a2·ΔT² + …,    k(ω) = 1 + b2·ω² + b4·ω⁴ + …
 
-with ΔT = T − T0, T what the gyro's thermistor states, ω the table's rate and n white noise (the paper's model; open
-recordings bring it as their `simulation`). The Earth's rate is in U0, as in the calibration; the output has no
-low-pass, and the coil is as warm as its thermistor, unless an effect says otherwise.
+with ΔT = T − T0, T the temperature of the gyro's thermistor, ω the table's rate and n white noise (the paper's model;
+open recordings contain it as their `simulation`). The Earth's rate is part of U0, as in the calibration; the output has
+no low-pass, and the coil has the thermistor's temperature unless an effect changes it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from benchctl_instruments.physics.chain import Baseline, Signals
 class ResponseParameters:
     """The response: `k_T` = (a1, a2, …) [°C⁻¹, °C⁻², …], `k_omega` = (b2, b4, …) [(°/s)⁻², (°/s)⁻⁴, …].
 
-    `noise_v_rms` is the deviation of every sample, at whatever rate it is taken; the output stops at ±`output_limit_v`.
+    `noise_v_rms` is the standard deviation of each sample at any sample rate; the output is limited to
+    ±`output_limit_v`.
     """
 
     K0_v_per_dps: float
@@ -43,7 +44,7 @@ class ResponseParameters:
 
 
 def response_v(parameters: ResponseParameters, rate_dps: FloatArray, temperature_c: FloatArray) -> FloatArray:
-    """K0·k(T)·k(ω)·ω [V], without the bias, for rates [deg/s] and temperatures [°C], all of shape (n,)."""
+    """Return K0·k(T)·k(ω)·ω [V], without the bias, for rates [deg/s] and temperatures [°C], all of shape (n,)."""
     return scaled_v(
         parameters.K0_v_per_dps, parameters.k_T, parameters.k_omega, rate_dps, temperature_c - parameters.T0_c
     )
@@ -52,7 +53,7 @@ def response_v(parameters: ResponseParameters, rate_dps: FloatArray, temperature
 def scaled_v(
     K0_v_per_dps: float, k_T: Sequence[float], k_omega: Sequence[float], rate_dps: FloatArray, delta_c: FloatArray
 ) -> FloatArray:
-    """K0·k(T)·k(ω)·ω [V] for rates [deg/s] and temperatures above T0 [°C], both of shape (n,)."""
+    """Return K0·k(T)·k(ω)·ω [V] for rates [deg/s] and temperatures above T0 [°C], both of shape (n,)."""
     volts = _one_plus(k_omega, rate_dps * rate_dps)
     volts *= rate_dps
     if k_T:
@@ -62,7 +63,7 @@ def scaled_v(
 
 
 def response_baseline(parameters: ResponseParameters) -> Baseline:
-    """The stages on the grid; what the coil feels is the table's rate."""
+    """Return the stages on the grid; the coil senses the table's rate."""
 
     def scale(signals: Signals) -> Signals:
         return replace(signals, output_v=response_v(parameters, signals.sensed_rate_dps, signals.coil_c))
@@ -74,7 +75,7 @@ def response_baseline(parameters: ResponseParameters) -> Baseline:
 
 
 def _one_plus(coefficients: Sequence[float], x: FloatArray) -> FloatArray:
-    """1 + c1·x + c2·x² + …, an array of its own."""
+    """Return 1 + c1·x + c2·x² + … in a new array."""
     total = np.zeros_like(x)
     for coefficient in reversed(coefficients):
         total += coefficient

@@ -1,8 +1,8 @@
-"""How the table follows a demanded piece: a servo of second order, solved in closed form, and a ripple on its motion.
+"""The table's motion for a demanded piece: a second-order servo, solved in closed form, with a ripple on the motion.
 
 The tracking error e = θ_demanded − θ obeys  e'' + 2ζωₙ·e' + ωₙ²·e = demanded acceleration. Over one `Piece` the right
-hand side is a constant plus a sinusoid with a linear envelope, so that e is the same plus a decaying oscillation: the
-motion is known at any instant, exactly, however long the piece lasts.
+hand side is a constant plus a sinusoid with a linear envelope, so e is of the same form plus a decaying oscillation:
+the motion is known exactly at any instant, for pieces of any length.
 
 The ripple belongs to the true motion:  θ_true = θ − (r/m)(180/π)·cos mθ,  hence ω_true = ω·(1 + r·sin mθ).
 """
@@ -19,7 +19,7 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.table import Piece, TableParameters
 
 _GONE = 45.0
-"""Time constants after which a decaying oscillation is nothing beside the rounding of a double."""
+"""Number of time constants after which a decaying oscillation is below the rounding error of a double."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Segment:
     decay_rate: complex
 
     def at(self, times_s: FloatArray) -> Motion:
-        """The motion at instants of shape (n,), in increasing order, none before the start."""
+        """Return the motion at instants of shape (n,), in increasing order, none before the start."""
         tau = times_s - self.start_s
         piece = self.piece
         angle = tau * (0.5 * piece.acceleration_dps2)
@@ -92,7 +92,7 @@ class Segment:
 
 
 def follow(parameters: TableParameters, piece: Piece, start_s: float, angle_deg: float, rate_dps: float) -> Segment:
-    """The motion under servo, from the angle and rate (before ripple) that the table has when the piece begins."""
+    """Return the motion under servo, from the table's angle and rate (before ripple) at the start of the piece."""
     natural = 2.0 * math.pi * parameters.natural_hz
     drag = 2.0 * parameters.damping * natural
     lag_deg = piece.acceleration_dps2 / natural**2
@@ -105,7 +105,7 @@ def follow(parameters: TableParameters, piece: Piece, start_s: float, angle_deg:
     error = turn**2 * demanded + 2.0 * turn * demanded_growing - (2.0 * turn + drag) * error_growing
     steady, growing = demanded - error / stiffness, demanded_growing - error_growing
 
-    # what the forced motion alone would have at the start; the difference decays
+    # start values of the forced motion alone; the difference decays
     forced_angle_deg = piece.angle_deg - lag_deg + steady.imag
     forced_rate_dps = piece.rate_dps + (turn * steady + growing).imag
     excess_deg, excess_dps = forced_angle_deg - angle_deg, forced_rate_dps - rate_dps
@@ -123,14 +123,14 @@ def follow(parameters: TableParameters, piece: Piece, start_s: float, angle_deg:
 
 
 def coast(piece: Piece, start_s: float) -> Segment:
-    """The motion without servo: exactly the piece."""
+    """Return the motion without servo: exactly the piece."""
     return Segment(
         start_s=start_s, piece=piece, angle_deg=piece.angle_deg, steady=0j, growing=0j, decaying=0j, decay_rate=-1 + 0j
     )
 
 
 def with_ripple(parameters: TableParameters, motion: Motion) -> Motion:
-    """The true motion, from that before ripple."""
+    """Return the true motion, computed from the motion before ripple."""
     if parameters.ripple == 0.0:
         return motion
     r, m = parameters.ripple, parameters.ripple_order

@@ -1,4 +1,4 @@
-"""Where a structure without a name acts: the stages of the chain, and the coordinates that it may be a function of."""
+"""Stages of the chain at which an unnamed structure may act, and coordinates of which it may be a function."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ OF_PARTS: Mapping[StructureStage, str] = {"torque": "drive", "heat": "chamber"}
 """Stages of other parts than the gyro."""
 
 SETPOINT_WAY = "setpoint_way"
-"""Auxiliary signal: −1 while the chamber's set point falls, 1 while it rises, 0 while it stands."""
+"""Auxiliary signal: −1 while the chamber's set point falls, 1 while it rises, 0 while it is constant."""
 CHAMBER_C = "chamber_temp_c"
-"""Auxiliary signal: the chamber's air."""
+"""Auxiliary signal: the temperature of the chamber's air."""
 HEATER = "heater"
 """Auxiliary signal: the power of the chamber's heater, in its own unit."""
 LEAST_TURNING_DPS = 0.5
@@ -29,7 +29,7 @@ LEAST_TURNING_DPS = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Acts:
-    """A stage: where it is in the chain of its part, what it changes, its unit, and how that is printed."""
+    """A stage: its place in the chain of its part, what it changes, its unit, and its printed form."""
 
     chain: Stage | DriveStage | ChamberStage
     what: str
@@ -109,10 +109,10 @@ ACTS: Mapping[StructureStage, _Acts] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Over:
-    """A coordinate: its word in a diagnosis, its unit, how it is written, and its values of signals.
+    """A coordinate: its word in a diagnosis, its unit, its printed form, and its values for signals.
 
-    `momentary` ones follow the motion. Of `signed` ones zero is where nothing is changed. `ways` are said of
-    coordinates that have the values −1, 0 and 1 only: below, above and away from zero.
+    `momentary` coordinates follow the motion. At zero of a `signed` coordinate a structure changes nothing. `ways` are
+    texts for coordinates with the values −1, 0 and 1 only: below, above and away from zero.
     """
 
     word: str
@@ -130,12 +130,12 @@ def _auxiliary(name: str) -> Callable[[Signals], FloatArray]:
 
 
 def direction(rate_dps: FloatArray) -> FloatArray:
-    """The direction in which the table turns, −1 or 1, and 0 where it hardly does; shape (n,)."""
+    """Return the direction of the table, −1 or 1, and 0 below the least turning rate; shape (n,)."""
     return np.where(np.abs(rate_dps) >= LEAST_TURNING_DPS, np.sign(rate_dps), 0.0)
 
 
 def last_sign(rate_dps: FloatArray, before: float = 0.0) -> FloatArray:
-    """The direction in which the table turned last, −1, 0 or 1, shape (n,); `before` is that before the first row."""
+    """Return the last direction of rotation, −1, 0 or 1, shape (n,); `before` is the direction before the first row."""
     turning = np.abs(rate_dps) > LEAST_TURNING_DPS
     place = np.maximum.accumulate(np.where(turning, np.arange(rate_dps.size), -1))
     return np.where(place >= 0, np.sign(rate_dps[np.maximum(place, 0)]), before)

@@ -1,7 +1,8 @@
-"""What a rate table is asked to do: demanded profiles of angle, in closed form, within limits on rate and acceleration.
+"""Demanded angle profiles of a rate table, in closed form, within limits on rate and acceleration.
 
-A profile is a sequence of pieces. Each piece begins at the demanded angle and rate at which the one before it ended, so
-that both are continuous; only the acceleration jumps. `benchctl_instruments.physics.servo` says how the table follows.
+A profile is a sequence of pieces. Each piece begins at the demanded angle and rate at which the previous one ended, so
+that both are continuous; only the acceleration jumps. `benchctl_instruments.physics.servo` models how the table
+follows.
 """
 
 from __future__ import annotations
@@ -12,15 +13,15 @@ from dataclasses import dataclass, replace
 from benchctl_instruments.errors import UsageError
 
 AMPLITUDE_SHARE = 0.995
-"""The share of a limit that a steady oscillation may take; the rest is for the growth of its amplitude."""
+"""The fraction of a limit that a steady oscillation may use; the rest is for the growth of its amplitude."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableParameters:
     """A servo table; every default is assumed.
 
-    `natural_hz` and `damping` are those of the servo. `ripple` is the relative ripple of the true rate, `ripple_order`
-    times a revolution. `friction_dps2` brings the table to rest while the servo is off.
+    `natural_hz` and `damping` are those of the servo. `ripple` is the relative ripple of the true rate, with
+    `ripple_order` periods per revolution. `friction_dps2` is the deceleration of the table while the servo is off.
     """
 
     natural_hz: float = 15.0
@@ -47,11 +48,11 @@ class TableParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Piece:
-    """A demanded angle [deg], a parabola and an oscillation over the time τ [s] since the piece began.
+    """A demanded angle [deg]: a parabola and an oscillation over the time τ [s] since the start of the piece.
 
         angle + rate·τ + ½·acceleration·τ² + (amplitude + growth·τ)·sin(2π·frequency·τ + phase)
 
-    It lasts `duration_s`, for ever where that is infinite.
+    It lasts `duration_s`, which may be infinite.
     """
 
     duration_s: float = math.inf
@@ -64,7 +65,7 @@ class Piece:
     phase_rad: float = 0.0
 
     def at(self, tau_s: float) -> tuple[float, float, float]:
-        """Demanded angle [deg], rate [deg/s] and acceleration [deg/s²]."""
+        """Return demanded angle [deg], rate [deg/s] and acceleration [deg/s²]."""
         angle = self.angle_deg + tau_s * (self.rate_dps + 0.5 * self.acceleration_dps2 * tau_s)
         rate = self.rate_dps + self.acceleration_dps2 * tau_s
         omega = 2.0 * math.pi * self.frequency_hz
@@ -78,7 +79,7 @@ class Piece:
 
 
 def to_rate(angle_deg: float, rate_dps: float, target_dps: float, acceleration_dps2: float) -> tuple[Piece, ...]:
-    """From an angle and a rate to a constant rate, at an acceleration; a target of zero is a controlled stop."""
+    """Return pieces from an angle and a rate to a constant rate; a target of zero is a controlled stop."""
     ramp_s = abs(target_dps - rate_dps) / acceleration_dps2
     acceleration = math.copysign(acceleration_dps2, target_dps - rate_dps)
     return _joined(angle_deg, rate_dps, [(ramp_s, acceleration)], final_rate_dps=target_dps)
@@ -87,10 +88,10 @@ def to_rate(angle_deg: float, rate_dps: float, target_dps: float, acceleration_d
 def to_angle(
     angle_deg: float, rate_dps: float, target_deg: float, rate_limit_dps: float, acceleration_dps2: float
 ) -> tuple[Piece, ...]:
-    """From an angle and a rate to rest at another angle, in the least time that the limits allow."""
+    """Return pieces from an angle and a rate to rest at another angle, in the shortest time within the limits."""
     a = acceleration_dps2
     stopping_deg = rate_dps * abs(rate_dps) / (2.0 * a)
-    # seen along the way that is left once the table has been slowed down as hard as it can be
+    # direction of the remaining way after the strongest possible braking
     sign = math.copysign(1.0, target_deg - angle_deg - stopping_deg)
     distance = sign * (target_deg - angle_deg)
     start = sign * rate_dps
@@ -117,12 +118,12 @@ def to_sine(
     rate_limit_dps: float,
     acceleration_dps2: float,
 ) -> tuple[Piece, ...]:
-    """From an angle and a rate to an oscillation amplitude·sin(2π·frequency·t + phase) about a centre.
+    """Return pieces from an angle and a rate to an oscillation amplitude·sin(2π·frequency·t + phase) about a centre.
 
-    A table that turns is stopped first, and its centre is where it comes to rest. The amplitude grows linearly from a
-    zero of the sine to a zero of the sine, which keeps the rate continuous: with a phase other than 0 or 180° the table
-    waits for the first one, and the growth is slowed down to end at one. An amplitude beyond the limits is cut to
-    `AMPLITUDE_SHARE` of them, a growth that would pass them together with the amplitude is slowed down.
+    A turning table is stopped first; it oscillates about the angle at which it stops. The amplitude grows linearly from
+    a zero of the sine to a zero of the sine, which keeps the rate continuous: with a phase other than 0 or 180° the
+    table waits for the first zero, and the growth is slowed down to end at one. An amplitude above the limits is
+    reduced to `AMPLITUDE_SHARE` of them; a growth that would exceed them together with the amplitude is slowed down.
     """
     if frequency_hz <= 0.0 or growth_deg_per_s <= 0.0:
         raise UsageError(
@@ -158,7 +159,7 @@ def to_sine(
 def _joined(
     angle_deg: float, rate_dps: float, legs: list[tuple[float, float]], *, final_rate_dps: float
 ) -> tuple[Piece, ...]:
-    """Legs of (duration [s], acceleration [deg/s²]) one after the other, then the final rate for ever."""
+    """Return legs of (duration [s], acceleration [deg/s²]) in sequence, followed by the final rate without end."""
     pieces = []
     for duration_s, acceleration in legs:
         if duration_s <= 0.0:

@@ -1,4 +1,4 @@
-"""What switching a gyro on does: bias and scale factor come up a little different each time, and warm up anew."""
+"""Changes at each switch-on of a gyro: bias and scale factor differ slightly, and the warm-up starts again."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from benchctl_instruments.physics.effects.warm_up import WarmUp
 from benchctl_instruments.physics.gyro import GyroParameters
 
 _STREAM = 3
-"""Of the seed's streams of random numbers: the first three are the sensor's noise."""
+"""Index of the random stream of the seed; the first three are the sensor's noise."""
 
 
 def turned_on(gyro: GyroParameters, seed: int, times: int) -> GyroParameters:
-    """The gyro as it came up when it was switched on for the `times`-th time, counted from 1.
+    """Return the gyro after it was switched on for the `times`-th time, counted from 1.
 
-    Bias and scale factor are normal draws about its own, by the seed and the count alone.
+    Bias and scale factor are normal draws about its nominal ones, determined by the seed and the count.
     """
     draws = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM, times))).standard_normal(2)
     bias, scale = draws.tolist()
@@ -31,7 +31,7 @@ def turned_on(gyro: GyroParameters, seed: int, times: int) -> GyroParameters:
 
 
 def warming_up_since(effects: Sequence[Effect], start_s: float) -> tuple[Effect, ...]:
-    """The effects, those of a warm-up beginning at an instant of bench time [s]."""
+    """Return the effects, with the warm-up effects starting at an instant of bench time [s]."""
     return tuple(
         replace(effect, start_s=start_s) if isinstance(effect, WarmUp | ScaleWarmUp) else effect for effect in effects
     )

@@ -1,1 +1,1 @@
-"""Wire protocols without I/O: bytes to messages and back, one file a protocol."""
+"""Wire protocols without I/O: bytes to messages and back, one module per protocol."""

@@ -1,9 +1,9 @@
-r"""ACL, the command language of the Acutronic ACUTROL3000, as it goes over TCP. Bytes in, replies out; no I/O here.
+r"""ACL, the command language of the Acutronic ACUTROL3000 over TCP. Converts bytes and replies; no I/O.
 
 Source: openly published driver code of three laboratories (IEAv-EFO/acutrol3000, williamsea/Acutrol,
 AcutronicRobotics/acutrol); the vendor's manuals were not used. Not tried on hardware.
 
-A command is a line of ASCII, and every line gets one line back::
+A command is a line of ASCII, and every line is answered with one line::
 
     :read:pos? 1;rate? 1;acc? 1 CR LF          request: :main:sub? axis,argument;sub? axis,...
     \__/ \__/  \ `------------.
@@ -11,18 +11,18 @@ A command is a line of ASCII, and every line gets one line back::
 
     hhhhhhhh 12.5;0.0;0.0 CR LF                reply: 8 characters of header, then data, or OK for a command
     \______/ \___________/
-    header    data, one item a query, parted by ;
+    header    data, one item a query, separated by ;
 
-Names are case-insensitive and may be cut short, down to one letter (`:d:p 1,10`); where several names begin with the
-same letters the one that is listed first in `TREE` is meant. `:mode 1,rate` is another spelling of `:mode:rate 1`;
-below `:read` the question mark may be missing; a blank may precede a colon, or part arguments (`:L :R P 1 60`). A
-command that begins with `:` or `*` starts at the root again.
+Names are case-insensitive and may be abbreviated, down to one letter (`:d:p 1,10`); if several names begin with the
+same letters, the first one in `TREE` is used. `:mode 1,rate` is another spelling of `:mode:rate 1`; below `:read` the
+question mark may be missing; a blank may precede a colon, or separate arguments (`:L :R P 1 60`). A command that begins
+with `:` or `*` starts at the root again.
 
-Assumed, because no source says so: the reply's line ends with LF, a CR before it is optional; anything but OK as the
-answer to a command is a refusal. The meaning of the header is unknown, so it is kept and not interpreted.
+Assumptions without a source: a reply ends with LF, optionally preceded by CR; any answer to a command other than OK is
+a refusal. The meaning of the header is unknown, so it is kept and not interpreted.
 
-Survived: replies and requests cut into packets at any byte, several in one packet, empty lines, CR LF or LF. A line
-beyond `lines.MAX_LINE` bytes or one shorter than the header ends the dialogue: whatever talks there is not an ACUTROL.
+Accepted input: replies and requests split into packets at any byte, several in one packet, empty lines, CR LF or LF. A
+line longer than `lines.MAX_LINE` bytes or shorter than the header ends the dialogue: the other side is not an ACUTROL.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _BLANK_COLON = re.compile(r"\s+:")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reply:
-    """One line from the controller: its header, uninterpreted, and what follows, without blanks around it."""
+    """One line from the controller: its header, uninterpreted, and the following text, stripped of blanks."""
 
     header: str
     data: str
@@ -64,22 +64,22 @@ class Reply:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
-    """One command, names in full: `path` ("read", "position"), ("mode",) or ("*stb",); `arguments` without blanks."""
+class AclCommand:
+    """One command with full names: `path` ("read", "position"), ("mode",) or ("*stb",); `arguments` without blanks."""
 
     path: tuple[str, ...]
     query: bool
     arguments: tuple[str, ...] = ()
 
 
-class Lines:
-    """Cuts a byte stream into lines without their ends; raises `InstrumentError` as `LineCutter` does."""
+class AclLines:
+    """Split a byte stream into lines without their ends; raises `InstrumentError` as `LineCutter` does."""
 
     def __init__(self, terminator: bytes = b"\n") -> None:
         self._cutter = LineCutter(terminator, trimmed=b"\r\n")  # a header may begin with blanks
 
     def feed(self, data: bytes) -> list[str]:
-        """The lines that are complete now, empty ones left out; bytes that are not ASCII show as escapes."""
+        """Return the lines that are now complete, without empty ones; bytes that are not ASCII become escapes."""
         try:
             return self._cutter.feed(data)
         except InstrumentError as err:
@@ -87,13 +87,13 @@ class Lines:
 
 
 class ReplyReader:
-    """The client's side: feed it whatever arrives."""
+    """Split the controller's bytes into replies, on the client's side."""
 
     def __init__(self, terminator: bytes = b"\n") -> None:
-        self._lines = Lines(terminator)
+        self._lines = AclLines(terminator)
 
     def feed(self, data: bytes) -> list[Reply]:
-        """The replies that are complete now; `InstrumentError` for what cannot be a reply."""
+        """Return the replies that are now complete; raises `InstrumentError` for an invalid reply."""
         return [_reply(line) for line in self._lines.feed(data)]
 
 
@@ -106,30 +106,30 @@ def _reply(line: str) -> Reply:
 
 
 def encode(command: str) -> bytes:
-    """A command line as it is sent; `UsageError` where it is not one line of ASCII."""
+    """Return a command line as bytes; raises `UsageError` if it is not one line of ASCII."""
     if not command.isascii() or not command.isprintable() or not command.strip():
         raise UsageError(f"{command!r} is not one line of printable ASCII, which an ACL command is")
     return command.encode("ascii") + b"\r\n"
 
 
 def encode_reply(header: str, data: str) -> bytes:
-    """A reply line as the controller sends it; `UsageError` where the header does not have its 8 characters."""
+    """Return a reply line as bytes; raises `UsageError` if the header does not have 8 characters."""
     if len(header) != HEADER_LENGTH:
         raise UsageError(f"the header {header!r} must have {HEADER_LENGTH} characters")
     return f"{header}{data}\r\n".encode("ascii", "backslashreplace")
 
 
-def parse_commands(line: str) -> Iterator[Command]:
-    """The commands of one line, names in full; `UsageError` on reaching one that the language does not have."""
+def parse_commands(line: str) -> Iterator[AclCommand]:
+    """Yield the commands of one line, with full names; raises `UsageError` at a command that does not exist."""
     subtree = ""
     for item in line.split(";"):
         command, subtree = _parse(item.strip(), subtree)
         yield command
 
 
-@lru_cache(maxsize=256)  # a host asks the same few things all day
-def _parse(text: str, subtree: str) -> tuple[Command, str]:
-    """One command, where the one before it left off in `subtree`; and where this one leaves off."""
+@lru_cache(maxsize=256)  # a host repeats the same few requests
+def _parse(text: str, subtree: str) -> tuple[AclCommand, str]:
+    """Return one command, given the subtree of the previous one, and the subtree after it."""
     names, _, arguments = _BLANK_COLON.sub(":", text).partition(" ")
     query = names.endswith("?")
     names = names.removesuffix("?").lower()
@@ -141,7 +141,7 @@ def _parse(text: str, subtree: str) -> tuple[Command, str]:
         path = _from_root(names.removeprefix(":"), text)
         subtree = path[0]
     words = tuple(re.split(r"\s*,\s*|\s+", arguments.strip())) if arguments.strip() else ()
-    return _usual_spelling(Command(path=path, query=query or path[0] == "read", arguments=words), text), subtree
+    return _usual_spelling(AclCommand(path=path, query=query or path[0] == "read", arguments=words), text), subtree
 
 
 def _common(names: str, text: str) -> tuple[str, ...]:
@@ -163,10 +163,10 @@ def _full(name: str, candidates: tuple[str, ...], text: str) -> str:
     raise UsageError(f"unknown command {text[:64]!r}")
 
 
-def _usual_spelling(command: Command, text: str) -> Command:
+def _usual_spelling(command: AclCommand, text: str) -> AclCommand:
     if command.path != ("mode",) or command.query:
         return command
     if len(command.arguments) != 2:
         raise UsageError(f"{text[:64]!r}: expected an axis and a mode")
     axis, mode = command.arguments
-    return Command(path=("mode", _full(mode.lower(), TREE["mode"], text)), query=False, arguments=(axis,))
+    return AclCommand(path=("mode", _full(mode.lower(), TREE["mode"], text)), query=False, arguments=(axis,))

@@ -1,17 +1,17 @@
-r"""The ASCII interface of Aerotech's Ensemble, as it goes over TCP port 8000. Lines in, replies out; no I/O here.
+r"""The ASCII interface of Aerotech's Ensemble over TCP port 8000. Converts lines and replies; no I/O.
 
 Source: openly published driver code (epics-motor/motorAerotech drvEnsembleAsyn.cc; robmarkcole/aerotech; ESRF's bliss;
-lab-control-lib; EnsembleSocketConnection.py), and the numbers of bits and parameters as the maker's published headers
-have them (EnsembleCommonStructures.h, EnsembleParameterId.h). Not tried on hardware.
+lab-control-lib; EnsembleSocketConnection.py), and the numbers of bits and parameters from the manufacturer's published
+headers (EnsembleCommonStructures.h, EnsembleParameterId.h). Not tried on hardware.
 
-A command is a line of ASCII in the controller's own language, and every line gets a line back::
+A command is a line of ASCII in the controller's own language, and every line is answered with a line::
 
     FREERUN @0 50.000000 LF            axis 0 turns at 50 units/s, until ABORT @0
     RAMP RATE @0 500.000000 LF         its acceleration
-    MOVEABS X10.0 XF5.0 Y3 YF5 LF      axes 0 and 1 move, each at its own speed; F5 without an axis is that of all
+    MOVEABS X10.0 XF5.0 Y3 YF5 LF      axes 0 and 1 move, each at its own speed; F5 without an axis applies to all
     AXISSTATUS(@0) LF                  a query; AXISSTATUS @0 means the same
 
-    %-2147483641 LF                    reply: one character, then data where there are any
+    %-2147483641 LF                    reply: one character, then data if there are any
     \_________/
      |  data
      % done   ! not understood   # refused, or a fault   $ not done in time
@@ -20,10 +20,10 @@ The four characters are those of a controller as delivered; they are parameters 
 axis is `@` and its number or its name. Numbers of 32 bits are written as signed ones: a status is usually negative,
 since its highest bit is the emergency stop's input.
 
-Assumed, because no source says so: the data of `!`, `#` and `$`, if there are any, are words about what is wrong.
+Assumption without a source: the data of `!`, `#` and `$`, if there are any, describe the fault.
 
-Survived: a bare `%` line, once or several times, before the reply to a query. What else can go wrong with lines is a
-matter of `benchctl_instruments.protocols.lines`.
+Accepted input: a bare `%` line, once or several times, before the reply to a query. Other disturbances of lines are
+handled in `benchctl_instruments.protocols.lines`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ END = b"\n"
 
 
 class Outcome(Enum):
-    """What the first character of a reply says."""
+    """The meaning of a reply's first character."""
 
     DONE = "%"
     NOT_UNDERSTOOD = "!"
@@ -49,7 +49,7 @@ class Outcome(Enum):
 
 
 class AxisStatus(IntFlag):
-    """The bits of AXISSTATUS that matter here; `EMERGENCY_STOP_INPUT` is the level of that input."""
+    """The bits of AXISSTATUS used here; `EMERGENCY_STOP_INPUT` is the level of that input."""
 
     ENABLED = 1 << 0
     HOMED = 1 << 1
@@ -61,7 +61,7 @@ class AxisStatus(IntFlag):
 
 
 PLANE_MOVES = 1
-"""The bit of PLANESTATUS that is on while a coordinated motion, such as LINEAR, goes on; AXISSTATUS does not tell."""
+"""The bit of PLANESTATUS that is on during a coordinated motion, such as LINEAR; AXISSTATUS does not show it."""
 
 FAULTS: Mapping[int, str] = {
     0: "position error",
@@ -88,69 +88,69 @@ FAULTS: Mapping[int, str] = {
 """The bits of AXISFAULT by their numbers."""
 
 ABORT_DECELERATION = 73
-"""The number of the parameter that says how fast ABORT stops an axis."""
+"""The number of the parameter for the deceleration of an axis by ABORT."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reply:
-    """One line from the controller: what became of the command, and the data behind that."""
+    """One line from the controller: the outcome of the command, and the data after it."""
 
     outcome: Outcome
     data: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
-    """One command: its name in capitals, of one word or two, and its arguments as they were written."""
+class EnsembleCommand:
+    """One command: its name of one or two words, in capitals, and its arguments as they were written."""
 
     name: str
     arguments: tuple[str, ...] = ()
 
 
 def parse_reply(line: str) -> Reply:
-    """A reply from its line; `InstrumentError` where it begins with none of the four characters."""
+    """Return the reply in a line; raises `InstrumentError` if it begins with none of the four characters."""
     if not is_reply(line):
         raise InstrumentError(f"expected a line that begins with %, !, # or $, got {line[:MOST_SHOWN]!r}")
     return Reply(outcome=Outcome(line[0]), data=line[1:].strip())
 
 
 def is_reply(line: str) -> bool:
-    """Whether it begins with one of the four characters."""
+    """Return whether a line begins with one of the four characters."""
     return line[:1] in {outcome.value for outcome in Outcome}
 
 
 def is_bare(line: str) -> bool:
-    """Whether it is a `%` without data: before the reply to a query it means nothing."""
+    """Return whether a line is a `%` without data, which has no meaning before the reply to a query."""
     return line == Outcome.DONE.value
 
 
 def encode_reply(reply: Reply) -> bytes:
-    """A reply as the controller sends it."""
+    """Return a reply as the controller sends it."""
     return f"{reply.outcome.value}{reply.data}".encode("ascii", "backslashreplace") + END
 
 
 def parse_bits(data: str) -> int:
-    """A word of 32 bits, 0 or above, from its signed or unsigned spelling; `InstrumentError` for what is none."""
+    """Return a word of 32 bits, 0 or above, from its signed or unsigned text; raises `InstrumentError` if invalid."""
     if not re.fullmatch(r"[+-]?[0-9]{1,10}", data) or not -(2**31) <= int(data) < 2**32:
         raise InstrumentError(f"expected a whole number of 32 bits, got {data[:MOST_SHOWN]!r}")
     return int(data) & 0xFFFFFFFF
 
 
 def written_bits(word: int) -> str:
-    """A word of 32 bits as the controller writes it: signed."""
+    """Return a word of 32 bits as the controller writes it: signed."""
     return str(word - 2**32 if word & 2**31 else word)
 
 
 def fault_names(word: int) -> tuple[str, ...]:
-    """The faults of an AXISFAULT word in words, lowest bit first; an unnamed bit by its number."""
+    """Return the names of the faults in an AXISFAULT word, lowest bit first; an unnamed bit by its number."""
     return tuple(FAULTS.get(bit, f"bit {bit}") for bit in range(32) if word >> bit & 1)
 
 
-def parse_command(line: str) -> Command:
-    """A command from its line; `UsageError` for a line without a name."""
+def parse_command(line: str) -> EnsembleCommand:
+    """Return the command in a line; raises `UsageError` for a line without a name."""
     name, *words = re.split(r"[\s(),]+", line.strip())
     if not name.isalpha():
         raise UsageError(f"{line!r} is no command")
     if name.upper() in ("RAMP", "WAIT", "POSOFFSET", "PROGRAM") and words:
         name = f"{name} {words.pop(0)}"
-    return Command(name=name.upper(), arguments=tuple(word for word in words if word))
+    return EnsembleCommand(name=name.upper(), arguments=tuple(word for word in words if word))

@@ -1,28 +1,28 @@
-r"""The command language of Newport's ESP300, ESP301 and ESP302. Lines in, commands and answers out; no I/O here.
+r"""The command language of Newport's ESP300, ESP301 and ESP302. Converts lines, commands and answers; no I/O.
 
 Source: openly published driver code (epics-motor/motorNewport drvESP300.cc, pymeasure newport/esp300.py,
-IEAv-EFO/esp301); the order of `MV`, `ST` and `MV` is that of an example on a public copy of a page of the maker's
-manual. Not tried on hardware.
+IEAv-EFO/esp301); the order of `MV`, `ST` and `MV` is that of an example on a public copy of a page of the
+manufacturer's manual. Not tried on hardware.
 
-A line is ASCII and ends with CR; it holds one command or several, parted by `;`. Only queries are answered::
+A line is ASCII and ends with CR; it holds one or several commands, separated by `;`. Only queries are answered::
 
     1VA50.000000 CR                    axis, two letters, value: the velocity of axis 1
-    1OR1;1WS CR                        axis 1 is homed; what follows WS waits until the axis rests
-    1MV+ CR                            axis 1 turns, until it is told to stop
+    1OR1;1WS CR                        axis 1 is homed; commands after WS wait until the axis rests
+    1MV+ CR                            axis 1 turns until it is stopped
     1TP? CR                            a query; the `?` may be missing after TP, TV and MD
 
     12.345678 CR LF                    its answer
 
-What is wrong with a command shows in a queue of errors. `TE?` takes the oldest one out and answers its code, `TB?`
-answers code, time and text, parted by commas; both answer 0 where the queue is empty. From 100 on a code is that of
-an axis: 100 times its number and what is wrong with it. A query that is itself wrong is not answered at all. What
-was taken out is gone, whether or not its answer arrived: an error whose code was lost on the way has none here.
+Faults of commands are stored in a queue of errors. `TE?` removes the oldest one and answers its code, `TB?` answers
+code, time and text, separated by commas; both answer 0 if the queue is empty. A code from 100 on is that of an axis:
+100 times the axis number plus the fault. A faulty query is not answered at all. A removed error is lost even if its
+answer did not arrive: such an error has no code here.
 
-Assumed, because no source says so: `TV` answers the velocity with its sign; a velocity that is set while an axis turns
-by `MV` takes effect at once; a rejected command does not keep those behind it on the same line from being obeyed.
+Assumptions without a source: `TV` answers the velocity with its sign; a velocity that is set while an axis turns by
+`MV` takes effect at once; a rejected command does not prevent later commands on the same line.
 
-Survived: a line `E` and a number, which the ESP300 was seen to say unasked before an answer. What else can go wrong
-with lines is a matter of `benchctl_instruments.protocols.lines`.
+Accepted input: a line with `E` and a number, which an ESP300 sent unsolicited before an answer. Other disturbances of
+lines are handled in `benchctl_instruments.protocols.lines`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from benchctl_instruments.protocols.lines import MOST_SHOWN
 
 SENT_END, ANSWER_END = b"\r", b"\r\n"
 DEGREES = 7
-"""What `SN?` answers where an axis counts in degrees."""
+"""The answer to `SN?` of an axis that counts in degrees."""
 
 GENERAL_ERRORS: Mapping[int, str] = {
     1: "PCI communication time-out",
@@ -81,8 +81,8 @@ _ESCAPE = re.compile(r"\\x[0-9a-f]{2}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
-    """One command: `axis` is None where none is named, `value` what stands behind the letters, without blanks."""
+class Esp301Command:
+    """One command: `axis` is None if none is named, `value` is the text after the letters, without blanks."""
 
     axis: int | None
     name: str
@@ -92,13 +92,13 @@ class Command:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Error:
-    """One error out of the controller's queue; `code` is None where it was lost on the line."""
+    """One error from the controller's queue; `code` is None if it was lost on the line."""
 
     code: int | None
 
     @property
     def fault(self) -> bool:
-        """Whether the axis cannot go on, whatever it was told; otherwise a command was wrong. A lost one may be any."""
+        """Whether the axis cannot continue; otherwise a command was invalid. A lost error is treated as a fault."""
         if self.code is None:
             return True
         if self.code < 100:
@@ -107,7 +107,7 @@ class Error:
 
     @property
     def text(self) -> str:
-        """What it says, without its code."""
+        """Its meaning, without its code."""
         if self.code is None:
             return "an error whose code was lost on the line"
         if self.code < 100:
@@ -119,7 +119,7 @@ class Error:
 
 
 def parse_error(answer: str) -> Error | None:
-    """The error that `TE?` or `TB?` answered with, None for 0; `InstrumentError` for what is no code."""
+    """Return the error in an answer to `TE?` or `TB?`, None for 0; raises `InstrumentError` if it is not a code."""
     code = answer.partition(",")[0].strip()
     if not re.fullmatch(r"[0-9]{1,3}", code):
         raise InstrumentError(f"expected the code of an error, 0 to {MOST_CODE}, got {answer[:MOST_SHOWN]!r}")
@@ -127,24 +127,24 @@ def parse_error(answer: str) -> Error | None:
 
 
 def held_an_error(damaged: str) -> bool:
-    """Whether an answer to `TE?` that cannot be read was that of an error: of a 0, the 0 would be left."""
+    """Return whether an unreadable answer to `TE?` contained an error: it did unless its only digits are 0."""
     return set(re.findall("[0-9]", _ESCAPE.sub("", damaged))) != {"0"}
 
 
 def parse_flag(answer: str) -> bool:
-    """Whether it is 1; `InstrumentError` for what is neither 1 nor 0."""
+    """Return whether a flag is 1; raises `InstrumentError` if it is neither 1 nor 0."""
     if answer not in ("0", "1"):
         raise InstrumentError(f"expected 0 or 1, got {answer[:MOST_SHOWN]!r}")
     return answer == "1"
 
 
 def is_unasked(line: str) -> bool:
-    """Whether it is an error that nobody asked for."""
+    """Return whether a line is an unsolicited error."""
     return _UNASKED.fullmatch(line) is not None
 
 
-def parse_commands(line: str) -> Iterator[Command | None]:
-    """The commands of one line, names in capitals; None in the place of what is no command."""
+def parse_commands(line: str) -> Iterator[Esp301Command | None]:
+    """Yield the commands of one line, names in capitals; None in place of an invalid command."""
     for item in line.split(";"):
         text = item.replace(" ", "")
         if not text:
@@ -153,4 +153,4 @@ def parse_commands(line: str) -> Iterator[Command | None]:
             yield None
             continue
         axis, name, value, query = match.group("axis", "name", "value", "query")
-        yield Command(axis=int(axis) if axis else None, name=name.upper(), value=value, query=query == "?")
+        yield Esp301Command(axis=int(axis) if axis else None, name=name.upper(), value=value, query=query == "?")

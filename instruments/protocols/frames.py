@@ -1,28 +1,28 @@
-"""Frames of fixed length in a stream of bytes that may hold anything: found by header, taken where the CRC agrees.
+"""Frames of fixed length in an arbitrary stream of bytes: found by their header, accepted if the CRC agrees.
 
     | header | contents | CRC-32/MPEG-2, 4 | tail |
 
-Every place where a header stands is tried, so a header inside a frame or in junk costs no good frame. What fails its
-CRC is never taken; of what is no frame at all, one in four thousand million passes. Where two frames that pass overlap,
-the first is taken. What was read does not depend on how the bytes were cut into pieces.
+Every position of a header is tried, so a header inside a frame or in junk costs no valid frame. A frame with a wrong
+CRC is never accepted; random bytes pass with a probability of one in four thousand million. If two valid frames
+overlap, the first is accepted. The result does not depend on how the bytes were cut into pieces.
 
-Survived: junk before, between and after frames, frames cut short or joined, flipped bits, headers in the contents.
-Memory: the longest frame, beside the piece that is being read.
+Accepted input: junk before, between and after frames, frames truncated or joined, flipped bits, headers in the
+contents. Memory: the longest frame, in addition to the piece that is being read.
 
 CRC-32/MPEG-2 is the check of KVH's and Sensonor's frames, computed for one frame or for many at once:
 
-    polynomial 04C11DB7h | register preset to FFFFFFFFh | bits in the order of the wire | result as it is
+    polynomial 04C11DB7h | register preset to FFFFFFFFh | bits in the order of the wire | result not inverted
 
 Source: the catalogue of parametrised CRC algorithms (check value 0376E6E7h for "123456789"); ROS driver KVH1750Test.cpp
 (a frame with its CRC).
 
-One frame: zlib's CRC-32 is the same polynomial with the bits of every byte mirrored and the result inverted, so bytes
-are mirrored on the way in, and the result on the way out. Many: a CRC is linear, so what each byte adds depends on its
-value and on how many bytes follow, and the CRC of a frame is the exclusive or of one table entry a byte.
+One frame: zlib's CRC-32 has the same polynomial with the bits of every byte mirrored and the result inverted, so input
+bytes and result are mirrored. Many frames: a CRC is linear, so the contribution of each byte depends on its value and
+on the number of bytes that follow, and the CRC of a frame is the exclusive or of one table entry per byte.
 
-Frames carry numbers that wrap; `SequenceNumbers` makes of them an index that does not. A number goes up by `step` from
-frame to frame and wraps at `modulus`. A loss shows as a jump, and is known but for whole `period`s: the number of
-frames after which the numbers come again.
+Frames carry numbers that wrap; `SequenceNumbers` converts them to an index that does not. A number increases by `step`
+from frame to frame and wraps at `modulus`. A loss is a jump, known only modulo `period`: the number of frames after
+which the numbers repeat.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def crc32_mpeg2(data: bytes) -> int:
-    """The CRC of some bytes."""
+    """Return the CRC of some bytes."""
     mirrored = zlib.crc32(data.translate(_MIRRORED)) ^ PRESET
     return int.from_bytes(mirrored.to_bytes(4, "little").translate(_MIRRORED), "big")
 
 
 def crc32_mpeg2_of_rows(rows: ByteArray, *, padding: int = 0) -> CrcArray:
-    """The CRC of each row of shape (n, length), shape (n,), as if `padding` zero bytes followed the row."""
+    """Return the CRC of each row of shape (n, length), shape (n,), as if `padding` zero bytes followed the row."""
     length = rows.shape[1]
     table, preset_share = _table(length + padding)
     entries = rows + _BYTE_VALUES * np.arange(length)  # a zero byte of padding adds nothing
@@ -65,7 +65,7 @@ def crc32_mpeg2_of_rows(rows: ByteArray, *, padding: int = 0) -> CrcArray:
 
 @cache
 def _table(length: int) -> tuple[CrcArray, np.uint32]:
-    """What each value adds at each place of `length` bytes, shape (length · 256,), and what the preset adds."""
+    """Return the contribution of each value of each of `length` bytes, shape (length · 256,), and of the preset."""
     last = np.arange(_BYTE_VALUES, dtype=np.uint32) << 24
     for _ in range(8):
         last = (last << 1) ^ (last >> 31) * np.uint32(POLYNOMIAL)
@@ -77,13 +77,13 @@ def _table(length: int) -> tuple[CrcArray, np.uint32]:
 
 
 CRC_BYTES = 4
-START, END, KIND = 0, 1, 2  # columns of good frames; kind is the place of the format among the reader's
-_LARGEST_PIECE = 1 << 15  # of what is searched at once; more would leave the processor's cache
+START, END, KIND = 0, 1, 2  # columns of valid frames; kind is the index of the format in the reader's formats
+_LARGEST_PIECE = 1 << 15  # of the data searched at once; more would exceed the processor's cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameFormat:
-    """One kind of frame: the CRC stands at `crc_at` and covers what is before it, and `padding` zero bytes unsent."""
+    """One kind of frame: the CRC is at `crc_at` and covers the bytes before it, plus `padding` zero bytes not sent."""
 
     name: str
     header: bytes
@@ -93,11 +93,11 @@ class FrameFormat:
 
     @property
     def length(self) -> int:
-        """Bytes of a whole frame on the wire."""
+        """Number of bytes of a complete frame on the wire."""
         return self.crc_at + CRC_BYTES + len(self.tail)
 
     def passes(self, rows: ByteArray) -> BoolArray:
-        """Which rows of shape (n, length) are whole frames, shape (n,)."""
+        """Return which rows of shape (n, length) are valid frames, shape (n,)."""
         crc = crc32_mpeg2_of_rows(rows[:, : self.crc_at], padding=self.padding)
         stated = np.ascontiguousarray(rows[:, self.crc_at : self.crc_at + CRC_BYTES]).view(">u4")[:, 0]
         tails = (rows[:, self.crc_at + CRC_BYTES :] == list(self.tail)).all(axis=1)
@@ -105,7 +105,7 @@ class FrameFormat:
         return passing
 
     def sealed(self, contents: ByteArray) -> bytes:
-        """Frames from rows of shape (n, crc_at), header included: with CRC and tail, one after the other."""
+        """Return consecutive frames with CRC and tail for rows of shape (n, crc_at), which include the header."""
         crc = crc32_mpeg2_of_rows(contents, padding=self.padding).astype(">u4").view(np.uint8).reshape(-1, CRC_BYTES)
         tails = np.tile(np.frombuffer(self.tail, np.uint8), (len(contents), 1))
         return np.concatenate((contents, crc, tails), axis=1).tobytes()
@@ -113,10 +113,10 @@ class FrameFormat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameRun:
-    """Frames of one format in their order: `rows` of shape (n, length).
+    """Frames of one format in order: `rows` of shape (n, length).
 
-    `first_byte` counts bytes from the start of the stream, shape (n,): where two frames stand further apart than their
-    length, what lay between them was no good frame.
+    `first_byte` counts bytes from the start of the stream, shape (n,): if the distance of two frames exceeds their
+    length, the bytes between them were no valid frame.
     """
 
     format: FrameFormat
@@ -125,22 +125,22 @@ class FrameRun:
 
 
 class FrameReader:
-    """Frames out of the bytes of one stream.
+    """Extract frames from the bytes of one stream.
 
     Parameters
     ----------
     formats
-        What may come.
+        The expected formats.
 
     Attributes
     ----------
     kept
-        How many good frames there were.
+        Number of valid frames.
     bad_frames
-        How many headers outside good frames began one that failed; in junk a header may stand by chance.
+        Number of invalid frames that began with a header outside valid frames; junk may contain a header by chance.
     junk_bytes
-        How many bytes belonged to no good frame, those of bad frames included. The bytes of good frames, these and
-        those of `waiting` are all that ever came.
+        Number of bytes that belonged to no valid frame, including those of bad frames. The bytes of valid frames, these
+        and those of `waiting` are all bytes received.
     """
 
     def __init__(self, formats: Sequence[FrameFormat]) -> None:
@@ -150,17 +150,17 @@ class FrameReader:
         self._formats = tuple(formats)
         self._longest = max(kind.length for kind in formats)
         self._bytes: ByteArray = np.empty(0, np.uint8)
-        self._position = 0  # of the first byte that waits, counted from the start of the stream
-        self._bad_until = 0  # the span of the latest bad frame, in which no other one begins
-        self._kept_at_bad = -1  # unless a good frame has come since
+        self._position = 0  # of the first waiting byte, counted from the start of the stream
+        self._bad_until = 0  # end of the latest bad frame, in which no other one begins
+        self._kept_at_bad = -1  # valid unless a good frame was received since
 
     @property
     def waiting(self) -> int:
-        """How many bytes may still become part of a frame; fewer than the longest frame has."""
+        """Number of bytes that may still become part of a frame; fewer than the longest frame has."""
         return self._bytes.size
 
     def feed(self, data: bytes) -> list[FrameRun]:
-        """Take bytes as they come; the frames that are complete with them."""
+        """Add received bytes and return the frames that they complete."""
         runs: list[FrameRun] = []
         for first in range(0, len(data), _LARGEST_PIECE):
             piece = np.frombuffer(data, np.uint8, min(_LARGEST_PIECE, len(data) - first), first)
@@ -169,7 +169,7 @@ class FrameReader:
         return runs
 
     def _read(self) -> list[FrameRun]:
-        """Take the frames that wait, and let go of all bytes whose fate is known."""
+        """Return the complete frames, and discard all bytes that are decided."""
         found = [_search(self._bytes, kind, index) for index, kind in enumerate(self._formats)]
         good = _first_of_overlapping(np.concatenate([part.good for part in found]))
         failed, unfinished = (
@@ -192,7 +192,7 @@ class FrameReader:
         return FrameRun(format=kind, rows=_rows(self._bytes, starts, kind.length), first_byte=starts + self._position)
 
     def _count_bad(self, good: IntArray, failed: IntArray) -> None:
-        """Count headers that failed outside good frames, those inside the span of a counted one left out."""
+        """Count failed headers outside valid frames, except those within the span of a counted one."""
         kept_before = self.kept + np.searchsorted(good[:, START], failed)
         for start, kept in zip((failed + self._position).tolist(), kept_before.tolist(), strict=True):
             if start >= self._bad_until or kept != self._kept_at_bad:
@@ -203,7 +203,7 @@ class FrameReader:
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """Where a format's header has led to good frames, shape (n, 3), to failed ones, and to what is not yet whole."""
+    """Where a format's headers begin valid frames, shape (n, 3), failed ones, and incomplete ones."""
 
     good: IntArray
     failed: IntArray
@@ -212,18 +212,18 @@ class _Found:
 
 def _search(buffer: ByteArray, kind: FrameFormat, index: int) -> _Found:
     starts = _header_starts(buffer, kind.header)
-    whole = starts[starts + kind.length <= buffer.size]
-    passes = kind.passes(_rows(buffer, whole, kind.length))
-    good = whole[passes]
+    complete = starts[starts + kind.length <= buffer.size]
+    passes = kind.passes(_rows(buffer, complete, kind.length))
+    good = complete[passes]
     return _Found(
         good=np.stack((good, good + kind.length, np.full_like(good, index)), axis=1),
-        failed=whole[~passes],
-        unfinished=starts[whole.size :],
+        failed=complete[~passes],
+        unfinished=starts[complete.size :],
     )
 
 
 def _header_starts(buffer: ByteArray, header: bytes) -> IntArray:
-    """Where the header stands, or at the end its beginning, as far as the bytes go; increasing."""
+    """Return where the header begins, in increasing order; at the end of the buffer a part of it is sufficient."""
     starts = np.flatnonzero(buffer == header[0])
     for place, byte in enumerate(header[1:], 1):
         beyond = starts + place >= buffer.size
@@ -232,7 +232,7 @@ def _header_starts(buffer: ByteArray, header: bytes) -> IntArray:
 
 
 def _rows(buffer: ByteArray, starts: IntArray, length: int) -> ByteArray:
-    """Stretches of a buffer, shape (n, length)."""
+    """Return segments of a buffer, shape (n, length)."""
     if not starts.size:
         return np.empty((0, length), np.uint8)
     rows: ByteArray = np.lib.stride_tricks.sliding_window_view(buffer, length)[starts]
@@ -240,7 +240,7 @@ def _rows(buffer: ByteArray, starts: IntArray, length: int) -> ByteArray:
 
 
 def _first_of_overlapping(good: IntArray) -> IntArray:
-    """Frames in the order of their starts, without those that begin inside of one that was taken."""
+    """Return frames ordered by their starts, without those that begin inside an accepted one."""
     good = good[np.lexsort((good[:, KIND], good[:, START]))]
     if (good[1:, START] >= good[:-1, END]).all():
         return good
@@ -253,27 +253,27 @@ def _first_of_overlapping(good: IntArray) -> IntArray:
 
 
 def _inside(good: IntArray, places: IntArray) -> BoolArray:
-    """Which places are inside of good frames, shape (n,)."""
+    """Return which places are inside valid frames, shape (n,)."""
     before = np.searchsorted(good[:, START], places, side="right") - 1
-    ends = np.append(good[:, END], 0)  # no frame before: the last entry, 0
+    ends = np.append(good[:, END], 0)  # without a previous frame: the last entry, 0
     inside: BoolArray = places < ends[before]
     return inside
 
 
 class SequenceNumbers:
-    """The index of each frame of one stream; the first one is 0, and those that never came are counted.
+    """Compute the index of each frame of one stream; the first one is 0, and missing frames are counted.
 
     Parameters
     ----------
     modulus
-        How many numbers there are.
+        The number of different sequence numbers.
     step
-        What the number goes up by from one frame to the next.
+        The increment of the number from one frame to the next.
 
     Attributes
     ----------
     lost
-        How many frames the numbers say are missing so far.
+        Number of missing frames so far.
     """
 
     def __init__(self, modulus: int, *, step: int = 1) -> None:
@@ -287,9 +287,9 @@ class SequenceNumbers:
         self._next_index = 0
 
     def unwrap(self, numbers: npt.NDArray[np.integer]) -> tuple[IntArray, IntArray]:
-        """Index of each frame, and how many are missing just before it; both of the shape of `numbers`, (n,).
+        """Return the index of each frame and the number of missing frames just before it, both of shape (n,).
 
-        A number that no count of frames can lead to is taken for the nearest one below that can be.
+        An impossible number is replaced by the nearest possible one below it.
         """
         if not numbers.size:
             return np.empty(0, np.int64), np.empty(0, np.int64)
@@ -306,6 +306,6 @@ class SequenceNumbers:
 
 
 def commonest_step(numbers: npt.NDArray[np.integer], modulus: int) -> int:
-    """What the numbers of frames that follow each other, shape (n,), n ≥ 2, most often go up by."""
+    """Return the most frequent increment of the numbers of consecutive frames, shape (n,), n ≥ 2."""
     present: IntArray = numbers.astype(np.int64)
     return int(np.argmax(np.bincount((present[1:] - present[:-1]) % modulus)))

@@ -3,20 +3,20 @@
     | FE 81 FF 55 | rotation X, Y, Z: 3 x f32 | acceleration X, Y, Z: 3 x f32 | status 1 | sequence 1 |
     | temperature i16 | CRC-32/MPEG-2 of all before |                   36 bytes, big-endian, RS-422, 8N1
 
-Rotation is a rate, or the angle turned since the frame before, in degrees or radians as it was set; acceleration is
-unused in the DSP-1760. A bit of `status` is 1 where its channel is valid. The sequence number runs 0 ... 127.
+Rotation is a rate, or the angle since the previous frame, in degrees or radians depending on the settings; acceleration
+is unused in the DSP-1760. A bit of `status` is 1 if its channel is valid. The sequence number runs 0 ... 127.
 
-    host "=NAME,VALUE" CR LF  ->  gyro "NAME,VALUE" in a line of its own, "INVALID,..." where it has no such setting
+    host "=NAME,VALUE" CR LF  ->  gyro "NAME,VALUE" in a separate line, "INVALID,..." if it has no such setting
     host "?NAME" CR LF        ->  gyro "NAME,VALUE"
 
-`config,1` lets settings be changed and asked for, `config,0` starts the frames again. Whether `config,0` is echoed is
-not agreed: KVH's manual of the 1775 says that commands are, a public driver for the 1750 says that this one is not.
-Take the echo or the first good frame. Names are known as either upper or lower case.
+`config,1` permits changes and queries of settings, `config,0` starts the frames again. Sources differ on whether
+`config,0` is echoed: according to KVH's manual of the 1775 commands are echoed, according to a public driver for the
+1750 this one is not. Accept the echo or the first valid frame. Names are accepted in upper or lower case.
 
 Source: ESA-PRL drivers-dsp1760, dsp1760.cpp (frame, settings, temperature in 0.01 °C); TRECVT ros_kvh1750, imu.cpp and
 kvhmessage.h (frame, CRC, rates, queries, no confirmation of `config,0`); KVH 1775 manual p. 57 (echo, INVALID). Not
-tried on hardware. Assumed where the sources are silent: no frames come while settings can be changed; INVALID repeats
-the command; a command outside of `config,1` is not answered.
+tried on hardware. Assumptions without a source: no frames are sent while settings can be changed; INVALID repeats the
+command; a command outside `config,1` is not answered.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FORMAT = FrameFormat(name="KVH format A", header=HEADER, crc_at=32)
 SEQUENCE_NUMBERS = 128
 DEFAULT_BAUD = 921_600
 RATES_HZ = (1, 5, 10, 25, 50, 100, 250, 500, 750, 1000)
-"""The data rates of the 1750 and the 1760; they have no others."""
+"""The data rates of the 1750 and the 1760; there are no others."""
 
 CHANNELS = {  # by the bit of the status
     0: "gyro X",
@@ -66,7 +66,7 @@ TEMPERATURE_STEP_C = {"c": 1.0, "c_100": 0.01}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KvhFrames:
-    """What frames carry, as they carry it: rotation of shape (n, 3), all else of shape (n,)."""
+    """Contents of frames, unscaled: rotation of shape (n, 3), everything else of shape (n,)."""
 
     rotation: FloatArray
     temperature: IntArray
@@ -77,7 +77,7 @@ class KvhFrames:
 def encode_frames(
     rotation: npt.ArrayLike, temperature: npt.ArrayLike, *, first_sequence: int, status: npt.ArrayLike = GYROS_VALID
 ) -> bytes:
-    """Frames from rotation of shape (n, 3); temperature and status are one value for all or one a frame."""
+    """Return frames for rotation of shape (n, 3); temperature and status are one value for all or one per frame."""
     turned = np.asarray(rotation, np.float64)
     contents = np.zeros(len(turned), CONTENTS)
     contents["header"] = np.void(HEADER)
@@ -89,7 +89,7 @@ def encode_frames(
 
 
 def decode_frames(rows: ByteArray) -> KvhFrames:
-    """What whole frames, rows of shape (n, 36), carry."""
+    """Return the contents of complete frames, rows of shape (n, 36)."""
     frames = np.ascontiguousarray(rows).view(_FRAME)[:, 0]
     return KvhFrames(
         rotation=frames["rotation"].astype(np.float64),
@@ -100,30 +100,30 @@ def decode_frames(rows: ByteArray) -> KvhFrames:
 
 
 def status_words(status: int, channels: int = GYROS_VALID) -> tuple[str, ...]:
-    """Which of some channels, given as bits of the status, are not valid."""
+    """Return texts for the invalid ones of some channels, given as bits of the status."""
     return tuple(
         f"{name} is not valid" for bit, name in CHANNELS.items() if channels >> bit & 1 and not status >> bit & 1
     )
 
 
 def encode_setting(name: str, value: str | int) -> bytes:
-    """What the host sends to change a setting."""
+    """Return the bytes that the host sends to change a setting."""
     return f"={name},{value}\r\n".encode("ascii")
 
 
 def encode_answer(*parts: str | int) -> bytes:
-    """A line of the gyro: name and value of a setting, or INVALID and the command."""
+    """Return a line of the gyro: name and value of a setting, or INVALID and the command."""
     return (",".join(str(part) for part in parts) + "\r\n").upper().encode("ascii")
 
 
 def after_echo(data: bytes, name: str, value: str | int) -> bytes | None:
-    """What came after the answer to a setting, which stands between frames; None where the answer has not come."""
+    """Return the bytes after the answer to a setting, which is between frames; None if it has not arrived."""
     line = re.search(re.escape(encode_answer(name, value).rstrip()) + rb"[\r\n]+", data.upper())
     return data[line.end() :] if line else None
 
 
 def after_leaving(data: bytes) -> bytes | None:
-    """The stream after `config,0`: what follows the echo, or from the first good frame on; None: neither has come."""
+    """Return the stream after `config,0`: after the echo, or from the first valid frame on; None if neither arrived."""
     if (rest := after_echo(data, "config", 0)) is not None:
         return rest
     runs = FrameReader([FORMAT]).feed(data)
@@ -131,14 +131,14 @@ def after_leaving(data: bytes) -> bytes | None:
 
 
 def refusal_in(data: bytes) -> str:
-    """The line in which the gyro refuses a command; empty where there is none."""
+    """Return the line in which the gyro refuses a command; empty if there is none."""
     line = re.search(rb"INVALID[ -~]*(?=[\r\n])", data.upper())
     return line[0].decode("ascii") if line else ""
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
-    """What the host says, in lower case: `?` asks for a setting, `=` changes it; `value` may be empty."""
+class Kvh1760Command:
+    """A command of the host, in lower case: `?` queries a setting, `=` changes it; `value` may be empty."""
 
     sign: str
     name: str
@@ -146,18 +146,18 @@ class Command:
 
 
 class CommandReader:
-    """Commands out of what the gyro hears, bytes cut anywhere; a line that is no command is passed over.
+    """Extract commands from the bytes that the gyro receives, cut anywhere; invalid lines are ignored.
 
-    A command stands at the end of its line: the driver of ESA-PRL sends buffers of fixed length, whose rest, behind the
-    line's end, is not defined and comes before its next command.
+    A command is at the end of its line: the driver of ESA-PRL sends buffers of fixed length; the undefined bytes after
+    the line's end precede its next command.
     """
 
     def __init__(self) -> None:
         self._line = b""
 
-    def feed(self, data: bytes) -> list[Command]:
-        """The commands that are complete with these bytes."""
+    def feed(self, data: bytes) -> list[Kvh1760Command]:
+        """Add received bytes and return the commands that they complete."""
         *lines, self._line = (self._line + data).split(b"\n")
         self._line = self._line[-256:]
         found = (re.search(rb"([=?])([a-z]+)(?:,([!-~]*))?\Z", line.strip().lower()) for line in lines)
-        return [Command(*(part.decode("ascii") for part in one.groups(b""))) for one in found if one]
+        return [Kvh1760Command(*(part.decode("ascii") for part in one.groups(b""))) for one in found if one]

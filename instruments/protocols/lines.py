@@ -1,8 +1,8 @@
-"""Lines of ASCII cut out of a byte stream, for every protocol that speaks in lines, and numbers in them. No I/O here.
+"""Lines of ASCII in a byte stream, for every line-based protocol, and numbers in them. No I/O.
 
-Survived: lines cut into packets at any byte, several in one packet, empty lines, a CR before the LF, and noise: bytes
-before and after a line's text that print nothing (a break on a serial line shows as NUL) are dropped, others inside it
-show as escapes. A line beyond `MAX_LINE` bytes is an error, and the memory it took is let go.
+Accepted input: lines split into packets at any byte, several in one packet, empty lines, a CR before the LF, and noise:
+non-printing bytes before and after a line's text are dropped (a break on a serial line appears as NUL), others inside
+it become escapes. A line longer than `MAX_LINE` bytes is an error, and its memory is released.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from benchctl_instruments.errors import InstrumentError, UsageError
 
 MAX_LINE = 4096
 MOST_SHOWN = 64
-"""So much of a line an error repeats."""
+"""Largest part of a line that an error quotes."""
 
 _NUMBER = re.compile(r"[+-]?([0-9]{1,20}(\.[0-9]{0,20})?|\.[0-9]{1,20})([eE][+-]?[0-9]{1,3})?")
 
 _PRINTING = bytes(range(0x21, 0x7F))
-_NOT_PRINTING = bytes(set(range(256)) - set(_PRINTING))  # blanks among them
+_NOT_PRINTING = bytes(set(range(256)) - set(_PRINTING))  # includes blanks
 
 
 class LineCutter:
-    """Cuts a byte stream into lines; `end` is what ends one.
+    """Split a byte stream into lines.
 
     Parameters
     ----------
     end
-        One byte or several; LF takes CR LF and LF alike.
+        The bytes that end a line; LF accepts both CR LF and LF.
     trimmed
         The bytes that are dropped before and after a line's text.
     """
@@ -39,12 +39,12 @@ class LineCutter:
         self._pending = b""
 
     def feed(self, data: bytes) -> list[str]:
-        """The lines that are complete now, empty ones left out.
+        """Add received bytes and return the lines that are complete, without empty ones.
 
         Raises
         ------
         InstrumentError
-            Where more than `MAX_LINE` bytes came without an end; lines that were complete before it are lost with it.
+            If more than `MAX_LINE` bytes arrived without an end; complete lines before them are lost too.
         """
         *complete, self._pending = (self._pending + data).split(self._end)
         longest = max((*complete, self._pending), key=len)
@@ -56,9 +56,9 @@ class LineCutter:
 
 
 def parse_number(text: str) -> float:
-    """A finite number in decimal digits, blanks around it left out; `InstrumentError` for whatever else.
+    """Return a finite number in decimal digits, ignoring blanks around it; raises `InstrumentError` otherwise.
 
-    Python itself would take words, digits of other scripts and digits parted by `_` too.
+    Python itself would also accept words, digits of other scripts and digits separated by `_`.
     """
     number = float(text) if _NUMBER.fullmatch(text.strip(" ")) else math.nan
     if not math.isfinite(number):
@@ -67,7 +67,7 @@ def parse_number(text: str) -> float:
 
 
 def encode_line(text: str, end: bytes = b"\r\n") -> bytes:
-    """A line as it is sent; `UsageError` where it is not one line of printable ASCII."""
+    """Return a line as bytes; raises `UsageError` if it is not one line of printable ASCII."""
     if not text.isascii() or not text.isprintable() or not text.strip():
         raise UsageError(f"{text!r} is not one line of printable ASCII")
     return text.encode("ascii") + end

@@ -1,4 +1,4 @@
-"""Modbus as a server sees it: requests come out of a stream of bytes, replies are made; no line and no registers.
+"""The server's side of Modbus: parses requests from a stream of bytes and creates replies; no link, no registers.
 
     TCP  | transaction 2 | protocol = 0, 2 | length 2 | unit 1 | function 1 | data ... |
     RTU                                               | unit 1 | function 1 | data ... | CRC-16, low byte first |
@@ -11,15 +11,15 @@
 Numbers are big-endian. Source: MODBUS Application Protocol 1.1b3 chapters 6 and 7, MODBUS over Serial Line 1.02 chapter
 2.5.
 
-Assumed: one master, which may send further requests before the first is answered; they come out in order. An RTU line
-has no delimiter but silence, which a stream of bytes does not show: a frame is found by its length and its CRC.
+Assumption: one master, which may send further requests before the first is answered; they are returned in order. An RTU
+line has no delimiter but silence, which a stream of bytes does not show: a frame is found by its length and its CRC.
 
-Survived: frames split or joined anywhere; on RTU noise before and between frames and a damaged frame (silent, as on the
-line). On TCP a header that is none means that the stream is lost: what has come is dropped.
+Accepted input: frames split or joined anywhere; on RTU noise before and between frames and a damaged frame (not
+answered, as on the line). On TCP an invalid header means that the stream is lost: the received bytes are dropped.
 
-Numbers in 16-bit registers: Modbus knows registers of 16 bits and nothing of what they mean. Which word of a 32-bit
-number comes first is the device's own choice (LabJack: high first; Watlow F4T as delivered: low first) and the
-commonest reason for readings like 1e-12 or 1e34.
+Numbers in 16-bit registers: Modbus does not define the meaning of its 16-bit registers. The word order of a 32-bit
+number depends on the device (LabJack: high first; Watlow F4T as delivered: low first) and is the most frequent cause of
+readings like 1e-12 or 1e34.
 """
 
 from __future__ import annotations
@@ -33,34 +33,34 @@ WordOrder = Literal["high_first", "low_first"]
 
 
 def signed_from_word(word: int) -> int:
-    """-32768 ... 32767 from a word in two's complement."""
+    """Return -32768 ... 32767 from a word in two's complement."""
     return word - 0x10000 if word > 0x7FFF else word
 
 
 def word_from_signed(value: int) -> int:
-    """A word in two's complement; `ValueError` beyond -32768 ... 32767."""
+    """Return a word in two's complement; raises `ValueError` outside -32768 ... 32767."""
     if not -0x8000 <= value <= 0x7FFF:
         raise ValueError(f"{value} does not fit into a signed 16-bit register")
     return value & 0xFFFF
 
 
 def f32_from_words(words: Sequence[int], word_order: WordOrder) -> float:
-    """An IEEE 754 single from two words."""
+    """Return an IEEE 754 single from two words."""
     return cast(float, struct.unpack(">f", _bytes(words, word_order))[0])
 
 
 def words_from_f32(value: float, word_order: WordOrder) -> list[int]:
-    """Two words of an IEEE 754 single; `OverflowError` where it is too large for one."""
+    """Return the two words of an IEEE 754 single; raises `OverflowError` if the value is too large."""
     return _words(struct.pack(">f", value), word_order)
 
 
 def u32_from_words(words: Sequence[int], word_order: WordOrder) -> int:
-    """An unsigned 32-bit number from two words."""
+    """Return an unsigned 32-bit number from two words."""
     return int.from_bytes(_bytes(words, word_order), "big")
 
 
 def words_from_u32(value: int, word_order: WordOrder) -> list[int]:
-    """Two words of an unsigned 32-bit number; `OverflowError` where it does not fit."""
+    """Return the two words of an unsigned 32-bit number; raises `OverflowError` if it does not fit."""
     return _words(value.to_bytes(4, "big"), word_order)
 
 
@@ -90,17 +90,17 @@ EXCEPTION_WORDS = {
     11: "no device behind the gateway answers",
 }
 
-MOST_READ, MOST_WRITTEN = 125, 123  # registers a request
+MOST_READ, MOST_WRITTEN = 125, 123  # registers per request
 LONGEST_RTU_FRAME = 256
 
 RTU_FIXED_LENGTH = dict.fromkeys((1, 2, 3, 4, 5, 6, 8), 8) | dict.fromkeys((7, 11, 12, 17), 4) | {22: 10, 24: 6}
-RTU_COUNT_AT = {15: 6, 16: 6, 20: 2, 21: 2, 23: 10}  # which of their bytes counts the bytes that follow
-RTU_HEAD, RTU_CRC = 11, 2  # the longest head that tells a frame's length
+RTU_COUNT_AT = {15: 6, 16: 6, 20: 2, 21: 2, 23: 10}  # index of the byte that counts the following bytes
+RTU_HEAD, RTU_CRC = 11, 2  # the longest head that determines a frame's length
 MBAP = struct.Struct(">HHHB")
 
 
-class ModbusRefusal(Exception):  # noqa: N818 - "error" is what a caller is told, this is what a device answers
-    """A register map will not do what was asked; `code` is the exception code of the reply."""
+class ModbusRefusal(Exception):  # noqa: N818 - not an error of the program, but a device's answer
+    """A register map refuses a request; `code` is the exception code of the reply."""
 
     def __init__(self, code: int) -> None:
         self.code = code
@@ -109,11 +109,11 @@ class ModbusRefusal(Exception):  # noqa: N818 - "error" is what a caller is told
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What a master asks of a unit.
+    """A master's request to a unit.
 
-    `values` are the words to write; `count` the number of registers meant. `data` is what follows the code of a
-    function that is none of these four. `fault` is the exception code that the request deserves by its form alone, 0
-    where there is nothing to object to. `transaction` is TCP's, to be repeated in the reply.
+    `values` are the words to write; `count` the number of registers. `data` is the data after any other function code
+    than these four. `fault` is the exception code for an invalid form of the request, or 0. `transaction` is TCP's, to
+    be repeated in the reply.
     """
 
     unit: int
@@ -127,16 +127,16 @@ class Request:
 
 
 class ServerFraming(Protocol):
-    """One connection's framing, TCP or RTU."""
+    """The framing of one connection, TCP or RTU."""
 
     def feed(self, data: bytes) -> list[Request]:
-        """Take bytes as they come; the requests that are complete with them, in order."""
+        """Add received bytes and return the requests that they complete, in order."""
 
     def reply(self, request: Request, values: Sequence[int] = ()) -> bytes:
-        """The reply to a request that was carried out; `values` are the words read, or bytes of another function."""
+        """Return the reply to a successful request; `values` are the words read, or bytes of another function."""
 
     def refuse(self, request: Request, code: int) -> bytes:
-        """The reply to a request that was not."""
+        """Return the reply to a refused request."""
 
 
 class TcpFraming:
@@ -146,7 +146,7 @@ class TcpFraming:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Request]:
-        """Take bytes as they come; the requests that are complete with them, in order."""
+        """Add received bytes and return the requests that they complete, in order."""
         self._buffer += data
         requests = []
         while len(self._buffer) >= MBAP.size:
@@ -162,11 +162,11 @@ class TcpFraming:
         return requests
 
     def reply(self, request: Request, values: Sequence[int] = ()) -> bytes:
-        """The reply to a request that was carried out; `values` are the words read."""
+        """Return the reply to a successful request; `values` are the words read."""
         return self._frame(request, reply_pdu(request, values))
 
     def refuse(self, request: Request, code: int) -> bytes:
-        """The reply to a request that was not."""
+        """Return the reply to a refused request."""
         return self._frame(request, refusal_pdu(request, code))
 
     def _frame(self, request: Request, pdu: bytes) -> bytes:
@@ -180,10 +180,10 @@ class RtuFraming:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Request]:
-        """Take bytes as they come; the requests that are complete with them, in order.
+        """Add received bytes and return the requests that they complete, in order.
 
-        A frame is taken wherever one is complete, even behind the beginning of what might yet become another one:
-        noise that looks like the head of a long write must not swallow the requests after it.
+        A complete frame is accepted anywhere, even after the possible beginning of another one: noise that looks like
+        the head of a long write must not swallow the requests after it.
         """
         self._buffer += data
         requests = []
@@ -195,11 +195,11 @@ class RtuFraming:
         return requests
 
     def reply(self, request: Request, values: Sequence[int] = ()) -> bytes:
-        """The reply to a request that was carried out; `values` are the words read."""
+        """Return the reply to a successful request; `values` are the words read."""
         return with_crc(bytes([request.unit]) + reply_pdu(request, values))
 
     def refuse(self, request: Request, code: int) -> bytes:
-        """The reply to a request that was not."""
+        """Return the reply to a refused request."""
         return with_crc(bytes([request.unit]) + refusal_pdu(request, code))
 
     def _first_frame(self) -> tuple[int, int] | None:
@@ -212,7 +212,7 @@ class RtuFraming:
 
 
 def rtu_length(head: bytes | bytearray) -> int:
-    """Length in bytes of the RTU request that begins so; 0 where it cannot be known yet, or is no request at all."""
+    """Return the length in bytes of the RTU request with this head; 0 if it is not yet known or not a request."""
     if len(head) < 2:
         return 0
     function = head[1]
@@ -226,7 +226,7 @@ def rtu_length(head: bytes | bytearray) -> int:
 
 
 def parse_request(unit: int, pdu: bytes, transaction: int = 0) -> Request:
-    """Read a protocol data unit: function code and data; what is wrong with its form goes to `fault`."""
+    """Parse a protocol data unit: function code and data; an invalid form is reported in `fault`."""
     function = pdu[0]
     if function in READS and len(pdu) == 5:
         address, count = struct.unpack_from(">HH", pdu, 1)
@@ -263,7 +263,7 @@ def parse_request(unit: int, pdu: bytes, transaction: int = 0) -> Request:
 
 
 def reply_pdu(request: Request, values: Sequence[int]) -> bytes:
-    """Function code and data of the reply to a request that was carried out."""
+    """Return function code and data of the reply to a successful request."""
     if isinstance(values, bytes):
         return bytes([request.function]) + values
     if request.function in READS:
@@ -274,17 +274,17 @@ def reply_pdu(request: Request, values: Sequence[int]) -> bytes:
 
 
 def refusal_pdu(request: Request, code: int) -> bytes:
-    """Function code and exception code of a refusal."""
+    """Return function code and exception code of a refusal."""
     return bytes([request.function | 0x80, code])
 
 
 def exception_words(code: int) -> str:
-    """An exception code with what it means."""
+    """Return an exception code with its meaning."""
     return f"exception {code} ({EXCEPTION_WORDS.get(code, 'not in the standard')})"
 
 
 def crc16(data: bytes | bytearray) -> int:
-    """CRC-16/MODBUS (polynomial 8005h reflected, start FFFFh); 0 over a sound frame that includes its CRC."""
+    """Return the CRC-16/MODBUS (polynomial 8005h reflected, start FFFFh); 0 over a valid frame including its CRC."""
     crc = 0xFFFF
     for byte in data:
         crc = (crc >> 8) ^ CRC_TABLE[(crc ^ byte) & 0xFF]
@@ -292,7 +292,7 @@ def crc16(data: bytes | bytearray) -> int:
 
 
 def with_crc(frame: bytes) -> bytes:
-    """A frame followed by its CRC, low byte first."""
+    """Return a frame followed by its CRC, low byte first."""
     return frame + crc16(frame).to_bytes(2, "little")
 
 

@@ -1,9 +1,9 @@
-r"""The command language of ESPEC's P-300 and SCP-220 chamber controllers. Texts in, values out; no I/O here.
+r"""The command language of ESPEC's P-300 and SCP-220 chamber controllers. Converts texts and values; no I/O.
 
 Sources: EspecNorthAmerica/ChamberConnectLibrary (p300.py, especinteract.py), akaeba/ATWG (ESPEC SH-641), and answers of
 an MC-811P (SCP-220) that its owner recorded in the tests of an open driver. Not tried on hardware.
 
-A request is a line of ASCII with CR LF, and every line gets one line back::
+A request is a line of ASCII with CR LF, and every line is answered with one line::
 
     TEMP? CR LF                        a query: its name ends with a question mark
     MODE?,DETAIL CR LF                 parameters follow after commas
@@ -11,22 +11,22 @@ A request is a line of ASCII with CR LF, and every line gets one line back::
     TEMP, S25.0 H130.0 L-45.0 CR LF    a command: set point, high and low alarm, each of them optional
 
     27.0,50.0,185.0,-90.0 CR LF        data; blanks after the commas on some chambers
-    OK:TEMP, S25.0 CR LF               a command was accepted; what follows the OK is not looked at
-    NA:DATA OUT OF RANGE CR LF         it was not, and why: see `REFUSALS`
+    OK:TEMP, S25.0 CR LF               a command was accepted; the text after OK is ignored
+    NA:DATA OUT OF RANGE CR LF         it was refused, with the reason: see `REFUSALS`
 
 | query          | answer                                                          | reader              |
 |----------------|-----------------------------------------------------------------|---------------------|
-| `TEMP?`        | air, set point (a word where it is off), high, low alarm, in °C | `read_temperatures` |
+| `TEMP?`        | air, set point (a word if it is off), high, low alarm, in °C    | `read_temperatures` |
 | `MODE?`        | a word of `MODES`; with `,DETAIL` one of `DETAILED_MODES`       | `read_mode`         |
-| `ALARM?`       | how many, and their codes                                       | `read_alarms`       |
+| `ALARM?`       | the number of alarms, and their codes                           | `read_alarms`       |
 | `TYPE?`        | sensors, controller, highest set point                          | `read_type`         |
 | `ROM?`         | version, a text                                                 | (itself)            |
-| `%?`           | how many, heater [%], humidifier [%]                            | `read_heater`       |
+| `%?`           | the number of outputs, heater [%], humidifier [%]               | `read_heater`       |
 
-Some chambers can be set to answer a query with two lines, an OK with its echo and then the data: `is_accepted` tells
-the first one. A set point beyond the alarms is refused. The alarm codes have no public list.
+Some chambers can be set to answer a query with two lines, an OK with its echo and then the data: `is_accepted`
+recognizes the first one. A set point beyond the alarms is refused. There is no public list of the alarm codes.
 
-Survived: what `protocols.lines` survives; whatever the text, a reader returns or raises `UnreadableError`.
+Accepted input: that of `protocols.lines`; for any text, a reader returns or raises `UnreadableError`.
 """
 
 from __future__ import annotations
@@ -67,12 +67,12 @@ _SETTING = re.compile(r"([SHL])\s*([+-]?[0-9]{1,9}(?:\.[0-9]{0,9})?)(?:[\s,]+|$)
 
 
 class UnreadableError(InstrumentError):
-    """An answer is not what the question makes one expect: garbled on the wire, or another instrument's."""
+    """An answer does not fit the question: it is corrupted, or another instrument's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Temperatures:
-    """Air, set point and the alarms between which it must lie, all in °C; no set point where it is switched off."""
+    """Air, set point and its alarm limits, all in °C; the set point is None if it is switched off."""
 
     air_c: float
     setpoint_c: float | None
@@ -82,7 +82,7 @@ class Temperatures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """A line as the controller understands it: names and parameters in capitals, without the blanks around them."""
+    """A line as the controller parses it: names and parameters in capitals, without surrounding blanks."""
 
     address: int | None
     name: str
@@ -90,16 +90,16 @@ class Request:
     parameters: tuple[str, ...]
 
 
-# What is sent ---------------------------------------------------------------------------------------------------------
+# Requests -------------------------------------------------------------------------------------------------------------
 
 
 def tenths(value: float) -> float:
-    """The nearest number that the wire can carry: it has one decimal, and no negative zero."""
+    """Return the nearest number with one decimal, as on the wire, without negative zero."""
     return round(value, 1) + 0.0
 
 
 def set_temperatures(*, setpoint_c: float, high_c: float | None = None, low_c: float | None = None) -> str:
-    """The command for a set point and, in the same line, for the alarms; `UsageError` where a number is not finite."""
+    """Return the command for a set point and optionally the alarms; raises `UsageError` if a number is not finite."""
     settings = {"S": setpoint_c, "H": high_c, "L": low_c}
     stated = {letter: value for letter, value in settings.items() if value is not None}
     if not all(map(math.isfinite, stated.values())):
@@ -108,49 +108,49 @@ def set_temperatures(*, setpoint_c: float, high_c: float | None = None, low_c: f
 
 
 def set_mode(mode: str) -> str:
-    """The command for a mode of `MODES` but RUN, which wants a program's number."""
+    """Return the command for a mode of `MODES`, except RUN, which requires a program number."""
     return f"MODE,{mode}"
 
 
 def addressed(request: str, address: int | None) -> str:
-    """A request as it goes over RS-485, or as it is where there is no address."""
+    """Return a request as sent over RS-485, or unchanged if there is no address."""
     return request if address is None else f"{address},{request}"
 
 
 def data_line(*values: float | int | str | None) -> str:
-    """An answer as the controller sends it: numbers with one decimal, counts and words as they are, None empty."""
+    """Return an answer as the controller sends it: floats with one decimal, counts and words unchanged, None empty."""
     return ",".join(
         "" if value is None else f"{tenths(value):.1f}" if isinstance(value, float) else str(value) for value in values
     )
 
 
-# What is understood ---------------------------------------------------------------------------------------------------
+# Answers --------------------------------------------------------------------------------------------------------------
 
 
 def is_accepted(line: str) -> bool:
-    """Whether a line says OK."""
+    """Return whether a line is an OK."""
     return line.upper().startswith("OK")
 
 
 def read_accepted(line: str) -> None:
-    """The answer to a command that was not refused."""
+    """Check the answer to a command that was not refused."""
     if not is_accepted(line):
         raise _unreadable(line, "OK")
 
 
 def refusal(line: str) -> str | None:
-    """The reason of a refusal, as the controller words it ("" where it gives none); None where it is no refusal."""
+    """Return the controller's reason of a refusal ("" if it states none); None if the line is no refusal."""
     found = re.fullmatch(r"NA(?::\s*(.*))?", line.strip().upper())
     return None if found is None else " ".join((found[1] or "").replace("_", " ").split())
 
 
 def refusal_words(reason: str) -> str:
-    """What a reason means."""
+    """Return the meaning of a reason."""
     return PROGRAM_REFUSAL if reason.startswith("PRGM WRITE ERR") else REFUSALS.get(reason, "see the chamber's manual")
 
 
 def read_temperatures(line: str) -> Temperatures:
-    """The answer to TEMP?."""
+    """Parse the answer to TEMP?."""
     what = "air, set point, high and low alarm"
     air, setpoint, high, low = _fields(line, what, 4)
     return Temperatures(
@@ -162,7 +162,7 @@ def read_temperatures(line: str) -> Temperatures:
 
 
 def read_mode(line: str) -> str:
-    """The answer to MODE? or MODE?,DETAIL, in the spelling of `DETAILED_MODES`."""
+    """Parse the answer to MODE? or MODE?,DETAIL, in the spelling of `DETAILED_MODES`."""
     mode = " ".join(line.upper().split())
     if mode not in DETAILED_MODES:
         raise _unreadable(line, "a mode")
@@ -170,7 +170,7 @@ def read_mode(line: str) -> str:
 
 
 def read_alarms(line: str) -> tuple[int, ...]:
-    """The answer to ALARM?: the codes of the active alarms."""
+    """Parse the answer to ALARM?: the codes of the active alarms."""
     what = "the number of alarms and their codes"
     count, *codes = (_count(field.strip(), line, what) for field in line.split(","))
     if count != len(codes):
@@ -179,7 +179,7 @@ def read_alarms(line: str) -> tuple[int, ...]:
 
 
 def read_type(line: str) -> str:
-    """The controller's name from the answer to TYPE?."""
+    """Return the controller's name from the answer to TYPE?."""
     what = "sensors, controller and highest set point"
     *_, controller, highest = _fields(line, what, 3, 4)
     _number(highest, line, what)
@@ -187,7 +187,7 @@ def read_type(line: str) -> str:
 
 
 def read_heater(line: str) -> float:
-    """What the heater puts out, in percent, from the answer to %?."""
+    """Return the heater's output, in percent, from the answer to %?."""
     what = "the number of outputs and what they put out"
     count, *outputs = _fields(line, what, 2, 3)
     if _count(count, line, what) != len(outputs):
@@ -197,7 +197,7 @@ def read_heater(line: str) -> float:
 
 
 def parse_request(line: str) -> Request:
-    """A line as the controller understands it; whether there is such a command is the controller's business."""
+    """Parse a line as the controller does; the controller decides whether the command exists."""
     first, *rest = (" ".join(part.upper().split()) for part in line.split(","))
     address = int(first) if rest and re.fullmatch("[0-9]{1,3}", first) else None
     name, *parameters = rest if address is not None else (first, *rest)
@@ -205,12 +205,12 @@ def parse_request(line: str) -> Request:
 
 
 def parse_settings(parameters: Sequence[str]) -> dict[str, float] | None:
-    """The numbers behind the letters S, H and L of a TEMP command; None where they cannot be read."""
+    """Return the numbers after the letters S, H and L of a TEMP command; None if they are invalid."""
     text = ",".join(parameters)
     found = _SETTING.findall(text)
-    whole = _SETTING.sub("", text) == ""
+    complete = _SETTING.sub("", text) == ""
     settings = {letter: float(number) for letter, number in found}
-    return settings if found and whole and len(settings) == len(found) else None
+    return settings if found and complete and len(settings) == len(found) else None
 
 
 def _fields(line: str, what: str, *counts: int) -> list[str]:

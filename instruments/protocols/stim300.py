@@ -1,14 +1,14 @@
-"""The measurements of a Sensonor STIM300: datagrams of three gyros, and of what else it was ordered to send.
+"""The datagrams of a Sensonor STIM300: measurements of three gyros, and of other sensors as ordered.
 
     | id 1 | gyro | acceleration | inclination | temperature of each | auxiliary | counter 1 | latency 2 | CRC 4 |
 
     gyro, acceleration, inclination: | X i24 | Y i24 | Z i24 | status 1 |
     temperature of each of them:     | X i16 | Y i16 | Z i16 | status 1 |       auxiliary: | i24 | status 1 |
 
-Numbers are big-endian; the id says which parts there are. The CRC-32/MPEG-2 covers all before it, filled up with zero
-bytes, which are not sent, to a multiple of four. CR LF ends a datagram where the STIM300 is configured so. `latency` is
-the time [µs] from the sample to its first byte on the wire. The host asks with one letter and CR; the answers come
-between measurements:
+Numbers are big-endian; the id determines which parts exist. The CRC-32/MPEG-2 covers all preceding bytes, padded with
+zero bytes, which are not sent, to a multiple of four. CR LF ends a datagram if the STIM300 is configured so. `latency`
+is the time [µs] from the sample to its first byte on the wire. The host asks with one letter and CR; the answers are
+sent between measurements:
 
     host "C" CR  ->  | BC, or BD with CR LF | 21 bytes, see below | CRC 4 | CR LF |
     host "I" CR  ->  | B5, or B7 with CR LF | "N" | 14 digits, two a byte | 7 reserved | CRC 4 | CR LF |
@@ -17,12 +17,12 @@ between measurements:
     | line 1 | gyro axes 4 bits, gyro unit 4 bits | 16 more, of filters and of the other sensors |
 
 Source: vortexntnu stim300-driver, stim300_constants.hpp and datagram_parser.cpp (ids, parts, padding, scales);
-rock-drivers imu_stim300, stim300.hpp (layout, latency, counter). Not tried on hardware. The sources do not agree on
-what the counter goes up by from one datagram to the next, so nothing here assumes it.
+rock-drivers imu_stim300, stim300.hpp (layout, latency, counter). Not tried on hardware. The sources differ on the
+increment of the counter from one datagram to the next, so this module assumes none.
 
 Source of the answers: vortexntnu stim300-driver, datagram_parser.cpp and driver_stim300.cpp (configuration);
 cookednoodle pystim300, datagrams.py and client.py (serial number, the letter that asks for it). Not tried on hardware.
-Units of the gyro beyond the first four are read differently by the sources, so they are refused.
+The sources interpret units of the gyro beyond the first four differently, so they are refused.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ _FIELDS: dict[Part, list[tuple[Any, ...]]] = {
 
 
 def contents_type(datagram_id: int) -> np.dtype[np.void]:
-    """The layout of a datagram up to its CRC; numbers of three bytes are fields of shape (…, 3) of bytes."""
+    """Return the layout of a datagram up to its CRC; numbers of three bytes are fields of bytes, shape (…, 3)."""
     parts = PARTS[datagram_id]
     fields: list[tuple[Any, ...]] = [("id", "u1")]
     for part in parts:
@@ -100,7 +100,7 @@ def contents_type(datagram_id: int) -> np.dtype[np.void]:
 
 
 def frame_format(datagram_id: int, *, crlf: bool = False) -> FrameFormat:
-    """How a datagram is found in the stream."""
+    """Return the frame format of a datagram."""
     crc_at = contents_type(datagram_id).itemsize
     return FrameFormat(
         name=f"STIM300 datagram {datagram_id:02X}h",
@@ -113,10 +113,10 @@ def frame_format(datagram_id: int, *, crlf: bool = False) -> FrameFormat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StimFrames:
-    """What datagrams carry of the gyros, in steps: `gyro` of shape (n, 3), the temperature [°C] of the gyros (n, 3).
+    """The gyros' data in datagrams, unscaled: `gyro` of shape (n, 3), the temperature [°C] of the gyros (n, 3).
 
-    `status` is that of the gyros and of their temperatures together, shape (n,). A datagram without temperatures has
-    nan in their place.
+    `status` combines the status of the gyros and of their temperatures, shape (n,). Without temperatures in the
+    datagram they are nan.
     """
 
     gyro: IntArray
@@ -127,7 +127,7 @@ class StimFrames:
 
 
 def decode_frames(datagram_id: int, rows: ByteArray) -> StimFrames:
-    """The gyros' part of whole datagrams, rows of shape (n, length)."""
+    """Return the gyros' part of complete datagrams, rows of shape (n, length)."""
     layout = contents_type(datagram_id)
     frames = np.ascontiguousarray(rows[:, : layout.itemsize]).view(layout)[:, 0]
     status = frames["gyro_status"].astype(np.int64)
@@ -154,9 +154,9 @@ def encode_frames(
     latency_us: npt.ArrayLike = 0,
     crlf: bool = False,
 ) -> bytes:
-    """Datagrams from steps of the gyros, shape (n, 3); all else is one value for all or one a datagram.
+    """Return datagrams for gyro samples, shape (n, 3); everything else is one value for all or one per datagram.
 
-    Every part is as warm as the gyros; the other sensors state zero.
+    All temperatures are those of the gyros; the other sensors read zero.
     """
     steps = np.asarray(gyro, np.int64)
     contents = np.zeros(len(steps), contents_type(datagram_id))
@@ -175,7 +175,7 @@ def encode_frames(
 
 
 def from_int24(fields: ByteArray) -> IntArray:
-    """Signed numbers of three bytes, shape (…, 3) to (…)."""
+    """Return signed numbers from three bytes each, shape (…, 3) to (…)."""
     high, middle, low = (fields[..., place].astype(np.int64) for place in range(3))
     unsigned = high << 16 | middle << 8 | low
     signed: IntArray = (unsigned ^ 0x800000) - 0x800000
@@ -183,13 +183,13 @@ def from_int24(fields: ByteArray) -> IntArray:
 
 
 def to_int24(numbers: IntArray) -> ByteArray:
-    """Three bytes of each number, shape (…) to (…, 3); what does not fit is stated as the nearest that does."""
+    """Return the three bytes of each number, shape (…) to (…, 3); numbers out of range are clipped."""
     fitting = np.clip(numbers, -0x800000, 0x7FFFFF)
     return np.stack([fitting >> shift & 0xFF for shift in (16, 8, 0)], axis=-1).astype(np.uint8)
 
 
 def status_words(status: int) -> tuple[str, ...]:
-    """What a status says, with the axes it names."""
+    """Return the texts of a status, with the axes concerned."""
     axes = "".join(name for bit, name in AFFECTED_AXES.items() if status >> bit & 1)
     words = tuple(words for bit, words in STATUS_WORDS.items() if status >> bit & 1)
     if axes and not words:
@@ -208,7 +208,7 @@ SERIAL_FORMATS = (
     FrameFormat(name="STIM300 serial number", header=b"\xb7", crc_at=16, tail=CRLF),
 )
 
-RATES_HZ = (125.0, 250.0, 500.0, 1000.0, 2000.0)  # by the code; what follows is an external trigger
+RATES_HZ = (125.0, 250.0, 500.0, 1000.0, 2000.0)  # by the code; the next one is an external trigger
 GYRO_UNITS = ("angular rate", "incremental angle", "average angular rate", "integrated angle")  # by the code
 PART_BITS: dict[Part, int] = {"acceleration": 1, "inclination": 2, "temperature": 3, "auxiliary": 4}
 CRLF_BIT = 0
@@ -217,7 +217,7 @@ SERIAL_DIGITS = 14
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StimConfiguration:
-    """How a STIM300 is set up, as far as its gyros go; `rate_hz` is None where samples are triggered from outside."""
+    """The configuration of a STIM300's gyros; `rate_hz` is None if samples are triggered externally."""
 
     datagram_id: int
     crlf: bool
@@ -228,7 +228,7 @@ class StimConfiguration:
 
 
 def encode_configuration(configuration: StimConfiguration) -> bytes:
-    """The answer to `ASK_CONFIGURATION`; what is not of the gyros is stated as 0."""
+    """Return the answer to `ASK_CONFIGURATION`; everything except the gyros is 0."""
     parts = PARTS[configuration.datagram_id]
     rate = len(RATES_HZ) if configuration.rate_hz is None else RATES_HZ.index(configuration.rate_hz)
     frame = CONFIGURATION_FORMATS[configuration.crlf]
@@ -242,7 +242,7 @@ def encode_configuration(configuration: StimConfiguration) -> bytes:
 
 
 def decode_configuration(row: ByteArray) -> StimConfiguration:
-    """From a whole answer, shape (length,); `InstrumentError` for what this project cannot read."""
+    """Parse a complete answer, shape (length,); raises `InstrumentError` for an unsupported configuration."""
     settings, unit = int(row[3]), int(row[5] & 0x0F)
     included = {part for part, bit in PART_BITS.items() if settings >> bit & 1}
     datagram_id = next(number for number, parts in PARTS.items() if set(parts) == included | {"gyro"})
@@ -262,7 +262,7 @@ def decode_configuration(row: ByteArray) -> StimConfiguration:
 
 
 def encode_serial(serial: str, *, crlf: bool = False) -> bytes:
-    """The answer to `ASK_SERIAL`, for 14 digits."""
+    """Return the answer to `ASK_SERIAL`, for 14 digits."""
     frame = SERIAL_FORMATS[crlf]
     contents = frame.header + b"N" + bytes.fromhex(serial)
     padded = np.frombuffer(contents.ljust(frame.crc_at, b"\0"), np.uint8)
@@ -270,5 +270,5 @@ def encode_serial(serial: str, *, crlf: bool = False) -> bytes:
 
 
 def decode_serial(row: ByteArray) -> str:
-    """The 14 digits of a whole answer, shape (length,)."""
+    """Return the 14 digits of a complete answer, shape (length,)."""
     return row[2 : 2 + SERIAL_DIGITS // 2].tobytes().hex()

@@ -1,23 +1,24 @@
-"""The LabJack T7's spontaneous stream: packets of 16-bit samples, sent by itself to whoever listens on TCP port 702.
+"""The LabJack T7's spontaneous stream: packets of 16-bit samples, sent to any client on TCP port 702.
 
     | transaction 2 | protocol = 0, 2 | length 2 | unit = 1, 1 | function = 76, 1 | type = 16, 1 | reserved 1 |
     | backlog 2 | status 2 | additional 2 | sample 2 | sample 2 | ...                        up to 512 samples |
 
-Numbers are big-endian; `length` counts what follows it. The transaction number goes up by one from packet to packet and
-wraps; a jump means lost packets. `backlog` is what still waits in the instrument, in bytes. `status` is 0 or one of
-`STATUS_WORDS`; with 2941 `additional` is the number of scans that were skipped while the instrument's buffer was full.
+Numbers are big-endian; `length` counts the bytes after it. The transaction number increases by one from packet to
+packet and wraps; a jump means lost packets. `backlog` is the number of bytes still buffered in the instrument. `status`
+is 0 or one of `STATUS_WORDS`; with 2941 `additional` is the number of scans that were skipped while the instrument's
+buffer was full.
 
 Source: LabJack T-series datasheet 3.2.4 (low-level streaming); LabJack's public C example (backlog, dummy samples). Not
-tried on hardware. Where the sources are silent this is assumed:
+tried on hardware. Assumptions without a source:
 
-* The samples of all scans follow each other without a break: a packet may start in mid-scan.
-* The first packet of a stream may carry any transaction number; a lost packet held as many samples as its successor.
-* A packet is never cut short but by the end of its connection.
-* In a packet with status 2941 one dummy scan of nothing but FFFFh stands where scans are missing, and it is counted
-  among them (so says the U3 datasheet, 5.2.12). A scan with an analog input is never like it: those never read FFFFh.
+* The samples of all scans follow each other without a break: a packet may start within a scan.
+* The first packet of a stream may carry any transaction number; a lost packet held as many samples as the next one.
+* A packet is only truncated by the end of its connection.
+* A packet with status 2941 contains one dummy scan of only FFFFh in place of the missing scans, and it is counted among
+  them (U3 datasheet, 5.2.12). A scan with an analog input never equals it: analog inputs never read FFFFh.
 
-Survived: packets split or joined anywhere, lost packets, a full buffer, and bytes that are no packet where a packet
-comes right behind them; else they are a `NotAPacketError`.
+Accepted input: packets split or joined anywhere, lost packets, a full buffer, and junk directly before a packet; other
+bytes raise `NotAPacketError`.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ from benchctl_instruments.errors import InstrumentError, LinkError
 FUNCTION, PACKET_TYPE, UNIT = 76, 16, 1
 MOST_SAMPLES = 512
 HEADER_BYTES = 16
-UNCOUNTED_BYTES = 6  # of the header: up to and with the length
+UNCOUNTED_BYTES = 6  # bytes of the header up to and including the length
 DUMMY = 0xFFFF
-SIGNATURE = bytes([UNIT, FUNCTION, PACKET_TYPE])  # of a packet, behind its length
+SIGNATURE = bytes([UNIT, FUNCTION, PACKET_TYPE])  # of a packet, after its length
 
 AUTO_RECOVER_ACTIVE, AUTO_RECOVER_END, SCAN_OVERLAP, SKIP_OVERFLOW, BURST_COMPLETE = 2940, 2941, 2942, 2943, 2944
 STATUS_WORDS = {
@@ -46,18 +47,18 @@ STATUS_WORDS = {
     BURST_COMPLETE: "the burst is complete",
 }
 _AT_ONCE = 256
-"""Packets that are looked at together: where each is of another length, those behind are not copied again and again."""
+"""Largest number of packets parsed together; limits the copying of later packets if all have different lengths."""
 HARMLESS = (0, AUTO_RECOVER_ACTIVE, AUTO_RECOVER_END)
 
 SampleArray = npt.NDArray[np.uint16]
 
 
 class NotAPacketError(LinkError):
-    """The stream brought bytes that are no packet, and no packet behind them."""
+    """The stream contained bytes that are no packet, and no packet after them."""
 
 
 def packet_type(samples: int) -> np.dtype[np.void]:
-    """The layout of a packet with that many samples."""
+    """Return the layout of a packet with `samples` samples."""
     return np.dtype(
         [
             ("transaction", ">u2"),
@@ -83,9 +84,9 @@ def encode_packets(
     status: npt.ArrayLike = 0,
     additional: npt.ArrayLike = 0,
 ) -> bytes:
-    """Packets, one a row of `samples`, shape (packets, samples a packet).
+    """Return packets, one per row of `samples`, shape (packets, samples per packet).
 
-    The other fields are one value for all or one a packet. A backlog beyond 65535 bytes is stated as 65535.
+    The other fields are one value for all or one per packet. A backlog above 65535 bytes is sent as 65535.
     """
     count, width = samples.shape
     packets = np.zeros(count, packet_type(width))
@@ -101,9 +102,9 @@ def encode_packets(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanRun:
-    """Whole scans that follow each other without a gap; `samples` has shape (scans, scan length).
+    """Complete consecutive scans without a gap; `samples` has shape (scans, scan length).
 
-    `first_index` counts scans from the start of the stream, those included that never came.
+    `first_index` counts scans from the start of the stream, including missing ones.
     """
 
     first_index: int
@@ -111,26 +112,26 @@ class ScanRun:
 
     @property
     def next_index(self) -> int:
-        """The index of the scan that comes after this run if nothing is skipped."""
+        """The index of the next scan after this run if none is skipped."""
         return self.first_index + len(self.samples)
 
 
 class StreamReader:
-    """Scans out of the bytes of one stream.
+    """Extract scans from the bytes of one stream.
 
     Parameters
     ----------
     scan_length
-        Samples a scan: the length of the scan list.
+        Samples per scan: the length of the scan list.
 
     Attributes
     ----------
     lost_packets, skipped_scans
-        How many packets never came, and how many scans the instrument says that it skipped.
+        Number of missing packets, and number of scans that the instrument reports as skipped.
     junk_bytes
-        How many bytes belonged to no packet.
+        Number of bytes that belonged to no packet.
     backlog_scans
-        How many scans waited in the instrument when it sent the latest packet.
+        Number of scans buffered in the instrument when it sent the latest packet.
     """
 
     def __init__(self, scan_length: int) -> None:
@@ -141,16 +142,16 @@ class StreamReader:
         self._scan_length = scan_length
         self._bytes = bytearray()
         self._next_transaction: int | None = None
-        self._position = 0  # of the next sample, counted from the start of the stream, missing ones included
+        self._position = 0  # of the next sample, counted from the start of the stream, including missing ones
         # The samples of an unfinished scan, those just before `_position`.
         self._partial: SampleArray = np.empty(0, np.uint16)
-        # How many scans were skipped, and the position by which the dummy scan must have shown where.
+        # Number of skipped scans, and the position by which the dummy scan must have appeared.
         self._dummy_due: tuple[int, int] | None = None
 
     def feed(self, data: bytes) -> list[ScanRun]:
-        """Take bytes as they come; the runs of scans that are complete with them, oldest first.
+        """Add received bytes and return the runs of scans that they complete, oldest first.
 
-        Raises `NotAPacketError` for bytes that are none, `InstrumentError` for a status that ends the stream.
+        Raises `NotAPacketError` for bytes that are no packet, `InstrumentError` for a status that ends the stream.
         """
         self._bytes += data
         runs: list[ScanRun] = []
@@ -160,16 +161,16 @@ class StreamReader:
         return runs
 
     def resume(self) -> None:
-        """Go on with bytes from a new connection, which begin with a whole packet; what never came shows as lost.
+        """Continue with bytes of a new connection, which begin with a complete packet; missing packets count as lost.
 
-        Raises `LinkError` where no packet has come yet: their numbers may begin anywhere, so what is lost is not known.
+        Raises `LinkError` before the first packet: the numbers may begin anywhere, so the loss would be unknown.
         """
         if self._next_transaction is None:
             raise LinkError("the stream broke before its first packet, so the times of all others are not known")
         self._bytes.clear()
 
     def _sound_packets(self, after: list[ScanRun]) -> npt.NDArray[np.void] | None:
-        """As `_take_equal_packets`, behind what is no packet; where nothing is, that is told once no runs are left."""
+        """Return equal packets after skipping junk; raise for junk without a packet only if `after` is empty."""
         while True:
             try:
                 return self._take_equal_packets()
@@ -180,7 +181,7 @@ class StreamReader:
                     raise
 
     def _skip_junk(self) -> bool:
-        """Go to the next place where a packet may begin, whether there is one."""
+        """Skip to the next place where a packet may begin; return whether there is one."""
         place = self._bytes.find(SIGNATURE, UNCOUNTED_BYTES + 1)
         if place < 0:
             return False
@@ -189,7 +190,7 @@ class StreamReader:
         return True
 
     def _take_equal_packets(self) -> npt.NDArray[np.void] | None:
-        """As many whole packets of equal length as wait at the front, or None."""
+        """Return the complete packets of equal length at the front, or None."""
         if len(self._bytes) < HEADER_BYTES:
             return None
         length = int.from_bytes(self._bytes[4:6], "big")
@@ -197,10 +198,10 @@ class StreamReader:
         if self._bytes[2:4] != b"\0\0" or length % 2 or not 1 <= samples <= MOST_SAMPLES:
             raise NotAPacketError(self._no_packet())
         layout = packet_type(samples)
-        whole = min(len(self._bytes) // layout.itemsize, _AT_ONCE)
-        if not whole:
+        count = min(len(self._bytes) // layout.itemsize, _AT_ONCE)
+        if not count:
             return None
-        packets = np.frombuffer(self._bytes, layout, count=whole).copy()
+        packets = np.frombuffer(self._bytes, layout, count=count).copy()
         good = (packets["protocol"] == 0) & (packets["function"] == FUNCTION) & (packets["type"] == PACKET_TYPE)
         if not good[0]:
             raise NotAPacketError(self._no_packet())
@@ -215,7 +216,7 @@ class StreamReader:
         return f"the stream brought {head}, expected a packet of function {FUNCTION}, type {PACKET_TYPE}; start it anew"
 
     def _split_where_lost(self, packets: npt.NDArray[np.void]) -> list[npt.NDArray[np.void]]:
-        """Packets cut where transaction numbers jump and before each end of a recovery."""
+        """Split packets at jumps of the transaction number and around each end of a recovery."""
         transactions = packets["transaction"].astype(np.int64)
         jumps = (np.diff(transactions) & 0xFFFF) != 1
         recovered = packets["status"] == AUTO_RECOVER_END
@@ -223,7 +224,7 @@ class StreamReader:
         return np.split(packets, cuts) if len(cuts) else [packets]
 
     def _scans(self, packets: npt.NDArray[np.void]) -> list[ScanRun]:
-        """The runs in packets that follow each other; one that ends a recovery comes alone."""
+        """Return the runs in consecutive packets; a packet that ends a recovery is passed alone."""
         self._account_for_lost(packets)
         self._check_status(packets)
         self.backlog_scans = int(packets["backlog"][-1]) // (2 * self._scan_length)
@@ -235,13 +236,13 @@ class StreamReader:
 
         torn = -start % self._scan_length  # the rest of a scan whose beginning was lost
         samples, start = samples[torn:], start + torn
-        whole = len(samples) // self._scan_length * self._scan_length
-        self._partial = samples[whole:]
-        run = ScanRun(first_index=start // self._scan_length, samples=samples[:whole].reshape(-1, self._scan_length))
+        complete = len(samples) // self._scan_length * self._scan_length
+        self._partial = samples[complete:]
+        run = ScanRun(first_index=start // self._scan_length, samples=samples[:complete].reshape(-1, self._scan_length))
         return [run for run in self._open_gap(run) if len(run.samples)]
 
     def _open_gap(self, run: ScanRun) -> list[ScanRun]:
-        """The run parted at the dummy scan that is due, if one is; what follows it moves on by the skipped scans."""
+        """Split the run at the expected dummy scan, if present; later scans are shifted by the skipped ones."""
         if self._dummy_due is None:
             return [run]
         skipped, latest = self._dummy_due
@@ -264,7 +265,7 @@ class StreamReader:
         ]
 
     def _account_for_lost(self, packets: npt.NDArray[np.void]) -> None:
-        """Move on by what packets that never came would have held, and drop the scans that are cut by it."""
+        """Advance the position by the samples of lost packets, and drop the interrupted scan."""
         transaction = int(packets["transaction"][0])
         lost = 0 if self._next_transaction is None else (transaction - self._next_transaction) & 0xFFFF
         self._next_transaction = (int(packets["transaction"][-1]) + 1) & 0xFFFF

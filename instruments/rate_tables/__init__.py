@@ -1,1 +1,1 @@
-"""Rate tables, one file a model: a declared table of commands and a few hooks."""
+"""Drivers of rate tables, one module per model: a declared table of commands and a few hooks."""

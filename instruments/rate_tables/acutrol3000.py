@@ -1,30 +1,30 @@
 """Rate table controller Acutronic ACUTROL3000, by ACL over TCP. Not tried on hardware.
 
-Source: published driver code of three laboratories, see `protocols.acl`. The port is a matter of the site:
-9888 and 9878 are both in use, so the address says it. What follows from those sources, and is done here:
+Source: published driver code of three laboratories, see `protocols.acl`. The port depends on the site: 9888 and 9878
+are both in use, so the address states it. Consequences of these sources:
 
-- A mode starts with whatever was last demanded of it, as fast as the limits allow. So a demand is always loaded before
-  its mode is entered, never after.
-- Only the relative demand is known to go the short way round; `go_to_angle` uses it.
+- A mode starts with its last demand, as fast as the limits permit. A demand is therefore always loaded before its mode
+  is entered, never after.
+- Only the relative demand is known to take the shorter way; `go_to_angle` uses it.
 - The oscillator's amplitude is an angle: the rate's amplitude / (2π f).
 - Only the words `Fault`, `Rate` and `Position` are known as answers. An interlock that answers neither `Fault` nor
   `Open` counts as closed, and modes are recognised by the beginning of their name.
 
 Every write is read back. That `:dem:pos?` answers with the demand is known; that `:dem:rate?` and `:dem:osc?` do so is
-concluded from it. `demand_queries=False` does without the three: a demand is then confirmed by its acknowledgement and
-by the mode.
+inferred from it. With `demand_queries=False` the three are not used: a demand is then confirmed by its acknowledgement
+and by the mode.
 
-What it does about faults: those of the link as `AclDialogue` says; neither a move by an angle nor the reset of the
-interlock is said twice. Further:
+Fault handling: link faults as in `AclDialogue`; a move by an angle and the reset of the interlock are never repeated.
+In addition:
 
-| what goes wrong                                | what is done                                                     |
+| fault                                          | handling                                                         |
 |------------------------------------------------|------------------------------------------------------------------|
 | a refusal                                      | `InstrumentError`, with interlock, mode and status byte          |
-| the interlock is opened by hand, a velocity    | `state` is FAULT; the next demand is an `InstrumentError`;       |
-| trip, a following error                        | nothing is reset but by `enable`                                 |
-| the controller restarts                        | `state` is DISABLED; the next demand is an `InstrumentError`     |
+| an opened interlock, a velocity trip, a        | `state` is FAULT; the next demand raises `InstrumentError`;      |
+| following error                                | only `enable` resets them                                        |
+| the controller restarts                        | `state` is DISABLED; the next demand raises `InstrumentError`    |
 | an acknowledged demand that is not kept        | `InstrumentError`: every demand is read back                     |
-| a rate that is stuck                           | nothing: a campaign that waits for its rate finds out            |
+| a rate that is stuck                           | not handled: a campaign that waits for its rate detects it       |
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ from benchctl_instruments.protocols.lines import MOST_SHOWN, parse_number
 class Setting:
     """Numbers that are written by one command and read back by one query.
 
-    `{axis}` and `{}` stand for the axis and the numbers. `tolerance` is how far an answer may be off, in the units of
-    `name`; an answer that is off by a whole `turn` is not off.
+    `{axis}` and `{}` are placeholders of the axis and the numbers. `tolerance` is the permitted deviation of an answer,
+    in the units of `name`; deviations by multiples of `turn` are ignored.
     """
 
     name: str
@@ -60,35 +60,35 @@ class Setting:
 
 
 class AclDialogue:
-    """A dialogue with one axis of a controller; every exchange is safe from several threads.
+    """A dialogue with one axis of a controller; all exchanges are thread-safe.
 
-    | what goes wrong                                   | what is done                                               |
+    | fault                                             | handling                                                   |
     |---------------------------------------------------|------------------------------------------------------------|
-    | no reply, a late one, half of one, a cut link     | asked once more, on a new connection; then `LinkError`     |
-    | junk before or in a reply, a reply that is none   | asked once more, on a new connection; `InstrumentError`    |
-    | junk behind a reply                               | thrown away                                                |
-    | a reply in pieces                                 | put together                                               |
-    | the controller restarts                           | connected again; it is then disabled, and says so          |
+    | no reply, a late one, half of one, a cut link     | repeated once on a new connection; then `LinkError`        |
+    | junk before or in a reply, an invalid reply       | repeated once on a new connection; then `InstrumentError`  |
+    | junk behind a reply                               | discarded                                                  |
+    | a reply in pieces                                 | assembled                                                  |
+    | the controller restarts                           | reconnected; it then reports that it is disabled           |
     | a refusal                                         | `InstrumentError`, with the fault that it reports          |
 
-    A command is said again too, because it states what is to be and not by how much it is to change: all but those
-    that are told `once`. After any failure the connection is given up, so that a late reply is never taken for the
-    answer to the next question. ACL has no checksum: junk that is digits, beside or in a number, is not found out.
+    Commands are repeated too, because they state a value and not a change, except those sent with `once`. After any
+    failure the connection is closed, so that a late reply is never taken for the answer to the next question. ACL has
+    no checksum: junk that consists of digits, next to or in a number, is not detected.
 
     Parameters
     ----------
     name
-        How error messages call the instrument.
+        The name of the instrument in error messages.
     link
         The link; the dialogue opens and closes it.
     axis
-        What `{axis}` in commands and queries stands for.
+        Replaces `{axis}` in commands and queries.
     timeout_s
-        How long to wait for a connection, and for a whole reply; wall time.
+        Timeout of a connection and of a complete reply; wall time.
     terminator
-        What ends a reply.
+        The bytes that end a reply.
     explain
-        Asked after a refusal: why, in words.
+        Called after a refusal; returns the reason in words.
     """
 
     def __init__(
@@ -118,33 +118,33 @@ class AclDialogue:
             raise LinkError(f"{self._name}: {self._link.address.left_out(err)}") from err
 
     def close(self) -> None:
-        """Let go of the link once no exchange is under way; safe to call twice, and never raises."""
+        """Close the link after any running exchange; safe to call twice, and never raises."""
         with self._lock:
             self._link.close()
 
     def ask(self, query: str) -> str:
-        """What is said in reply to a query."""
+        """Return the reply to a query."""
         text = query.format(axis=self._axis)
         with self._lock:
             return self._exchange(text).data
 
     def numbers(self, query: str, count: int, parted_by: str = ",") -> tuple[float, ...]:
-        """The finite numbers in reply to a query, exactly `count` of them."""
-        said = self.ask(query)
+        """Return the finite numbers in the reply to a query, exactly `count` of them."""
+        text = self.ask(query)
         try:
-            numbers = tuple(parse_number(word) for word in said.split(parted_by))
+            numbers = tuple(parse_number(word) for word in text.split(parted_by))
         except InstrumentError:
             numbers = ()
         if len(numbers) != count:
             wanted = f"{count} numbers parted by {parted_by!r}" if count > 1 else "a number"
             raise InstrumentError(
-                f"{self._name}: asked {query.format(axis=self._axis)!r}, expected {wanted}, got {said[:MOST_SHOWN]!r};"
+                f"{self._name}: asked {query.format(axis=self._axis)!r}, expected {wanted}, got {text[:MOST_SHOWN]!r};"
                 " check that the controller speaks the dialect of the ACUTROL3000"
             )
         return numbers
 
     def tell(self, command: str, *values: float, once: bool = False) -> None:
-        """Send a command; it must be acknowledged. `once`: it is not sent again where no acknowledgement comes."""
+        """Send a command, which must be acknowledged; with `once` it is not repeated without an acknowledgement."""
         text = command.format(*(f"{value:.6f}" for value in values), axis=self._axis)
         with self._lock:
             reply = self._attempt(text) if once else self._exchange(text)
@@ -159,7 +159,7 @@ class AclDialogue:
         self.expect(setting, *values)
 
     def expect(self, setting: Setting, *wanted: float) -> None:
-        """Read numbers back."""
+        """Read numbers back and compare them with the wanted ones."""
         actual = self.numbers(setting.ask, len(wanted))
         errors = (math.remainder(a - w, setting.turn) for a, w in zip(actual, wanted, strict=True))
         if any(abs(error) > setting.tolerance for error in errors):
@@ -182,8 +182,8 @@ class AclDialogue:
             self._link.send(encode(text))
             return self._receive()
         except LinkCutError as err:
-            says = self._link.address.left_out(err)
-            raise LinkCutError(f"{self._name}: sent {text!r}, expected a reply: {says}; {self._last_heard()}") from err
+            why = self._link.address.left_out(err)
+            raise LinkCutError(f"{self._name}: sent {text!r}, expected a reply: {why}; {self._last_heard()}") from err
         except LinkError as err:
             self._link.cut("given up: no reply in time")
             raise LinkError(
@@ -215,7 +215,7 @@ def _listed(values: tuple[float, ...]) -> str:
 
 
 class Mode(Enum):
-    """Modes of the axis; the values are the beginnings of the names by which `:mode?` may call them."""
+    """Modes of the axis; the values are the possible beginnings of their names in answers to `:mode?`."""
 
     OFF = ("off",)
     POSITION = ("pos",)
@@ -240,7 +240,7 @@ RATE_LIMITS, ACCELERATION_LIMITS = (
             ask=f"{key}? {mode},{{axis}}",
             tolerance=1e-2,
         )
-        for mode in ("pos", "rate", "synt")  # each has its own
+        for mode in ("pos", "rate", "synt")  # each has its own limits
     )
     for name, key in (("rate limit [deg/s]", ":lim:rate"), ("acceleration limit [deg/s²]", ":lim:acc"))
 )
@@ -260,11 +260,11 @@ RESET = ":interlock:reset"
 CLOSE_LOOP = ":interlock:close {axis}"
 OPEN_LOOP = ":interlock:open {axis}"
 MOVE_BY = ":dem:delta {axis},{}"
-SLEW = ":con:osc {axis},Enable,{},{},Pos,Lin"  # how fast amplitude [deg/s] and frequency [Hz/s] go to new values
+SLEW = ":con:osc {axis},Enable,{},{},Pos,Lin"  # slew rates of amplitude [deg/s] and frequency [Hz/s]
 
 
 class Acutrol3000(Instrument):
-    """One axis of an ACUTROL3000; an `benchctl_instruments.interfaces.RateTable`. Safe to call from several threads.
+    """One axis of an ACUTROL3000; a `benchctl_instruments.interfaces.RateTable`. Thread-safe.
 
     Parameters
     ----------
@@ -273,21 +273,21 @@ class Acutrol3000(Instrument):
     axis
         The controller's number of the axis.
     timeout_s
-        How long to wait for a connection, and for a reply; wall time.
+        Timeout of a connection and of a reply; wall time.
     pause_s
-        Bench time that the controller is given after a change of mode or interlock.
+        Bench time to wait after a change of mode or interlock.
     rest_rate_dps
         Up to this rate the table counts as at rest.
     rise_cycles
-        An oscillation reaches its amplitude and frequency in this many of its periods.
+        Number of periods in which an oscillation reaches its amplitude and frequency.
     set_slew
-        False leaves the oscillator's slew rates as the controller has them; one laboratory could not set them.
+        False leaves the oscillator's slew rates unchanged; one laboratory could not set them.
     demand_queries
-        False where the controller does not answer with its demands, see above.
+        False if the controller does not answer with its demands, see above.
     status_bits
         Names of the bits of the status byte by their numbers, `{"0": "…"}`, for error messages.
     reply_terminator
-        What ends a reply on this site's link.
+        The text that ends a reply on this site's link.
     """
 
     def __init__(
@@ -325,10 +325,10 @@ class Acutrol3000(Instrument):
         self._status_bits = {int(bit): name for bit, name in (status_bits or {}).items()}
         self._lock = threading.RLock()  # a method's writes and their confirmation belong together
 
-    # What every instrument does ---------------------------------------------------------------------------------------
+    # Methods of all instruments ---------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Connect; whoever names a mode when asked for it is taken for an ACUTROL."""
+        """Connect; a controller that answers with a mode is accepted as an ACUTROL."""
         self._line.open()
         try:
             self._mode()
@@ -337,17 +337,17 @@ class Acutrol3000(Instrument):
             raise
 
     def close(self) -> None:
-        """Let go of the link; the table goes on with what it was doing."""
+        """Close the link; the table continues its motion."""
         self._line.close()
 
     def identify(self) -> Identity:
-        """What `*idn?` says, if that is the usual manufacturer,model,serial,firmware; otherwise nothing is known."""
+        """Return the identity from `*idn?` (manufacturer,model,serial,firmware), empty for other answers."""
         words = [word.strip() for word in self._line.ask(ASK_IDENTITY).split(",")]
         if len(words) != 4:
             return Identity()
         return Identity(manufacturer=words[0], model=words[1], serial=words[2], firmware=words[3])
 
-    # What a rate table does -------------------------------------------------------------------------------------------
+    # Methods of rate tables -------------------------------------------------------------------------------------------
 
     def set_limits(self, limits: TableLimits) -> None:
         """Program the rate and acceleration limits of the position, rate and synthesizer modes."""
@@ -362,7 +362,7 @@ class Acutrol3000(Instrument):
     def enable(self) -> None:
         """Reset the interlock, close the loop, hold still in rate mode."""
         with self._lock:
-            self._line.tell(RESET, once=True)  # a second reset would clear what has happened since the first
+            self._line.tell(RESET, once=True)  # a second reset would clear faults since the first
             self._pause()
             self._fail_on_fault("the interlock was reset and is in fault again")
             self._line.tell(SET_MODE[Mode.OFF])
@@ -371,7 +371,7 @@ class Acutrol3000(Instrument):
             self.go_to_rate(0.0)
 
     def disable(self) -> None:
-        """Mode off, then the loop opens; `UsageError` while the table moves."""
+        """Switch the mode off, then open the loop; raises `UsageError` while the table moves."""
         with self._lock:
             rate_dps = self.read().rate_dps
             if abs(rate_dps) > self._rest_rate_dps:
@@ -387,14 +387,14 @@ class Acutrol3000(Instrument):
                 )
 
     def go_to_rate(self, rate_dps: float) -> None:
-        """Turn at a constant rate, in rate mode."""
+        """Start to turn at a constant rate, in rate mode."""
         _finite("rate", rate_dps)
         with self._lock:
             self._demand(RATE_DEMAND, rate_dps)
             self._enter(Mode.RATE)
 
     def go_to_angle(self, angle_deg: float) -> None:
-        """Turn to an angle the short way round, in position mode; it starts from holding the present angle."""
+        """Start to turn to an angle by the shorter way, in position mode, from the present angle."""
         _finite("angle", angle_deg)
         with self._lock:
             here_deg = self.read().angle_deg
@@ -406,7 +406,7 @@ class Acutrol3000(Instrument):
             self._enter(Mode.POSITION)
 
     def oscillate(self, amplitude_dps: float, frequency_hz: float) -> None:
-        """Oscillate about the present angle, in synthesizer mode; the amplitude rises during `rise_cycles` periods."""
+        """Start to oscillate about the present angle, in synthesizer mode; it takes `rise_cycles` periods to rise."""
         _positive("amplitude", amplitude_dps)
         _positive("frequency", frequency_hz)
         amplitude_deg = amplitude_dps / (2.0 * math.pi * frequency_hz)
@@ -418,18 +418,18 @@ class Acutrol3000(Instrument):
             self._enter(Mode.SYNTHESIZER)
 
     def stop(self) -> None:
-        """Rate demand 0 in rate mode; a table in mode off is left alone, since its controller stops it by itself."""
+        """Demand a rate of 0 in rate mode; in mode off do nothing, since the controller stops the table by itself."""
         with self._lock:
             if self._mode() is not Mode.OFF:
                 self.go_to_rate(0.0)
 
     def read(self) -> TableReading:
-        """Angle, rate and acceleration by one query."""
+        """Return angle, rate and acceleration from one query."""
         angle_deg, rate_dps, acceleration_dps2 = self._line.numbers(ASK_MOTION, 3, ";")
         return TableReading(angle_deg=angle_deg % 360.0, rate_dps=rate_dps, acceleration_dps2=acceleration_dps2)
 
     def state(self) -> TableState:
-        """From interlock, mode and rate: a fault or an abort before disabled before moving."""
+        """Return the state from interlock, mode and rate: fault or abort first, then disabled, then moving."""
         with self._lock:
             interlock, mode = self._line.ask(ASK_INTERLOCK).lower(), self._mode()
             if interlock.startswith("fault") or mode is Mode.ABORT:
@@ -447,7 +447,7 @@ class Acutrol3000(Instrument):
             self._line.tell(setting.write, *values)
 
     def _enter(self, mode: Mode) -> None:
-        """Enter a mode, or confirm that the table is in it; either way nothing may have tripped meanwhile."""
+        """Enter a mode, or confirm that the table is in it; in both cases check that nothing has tripped."""
         if self._mode() is not mode:
             self._line.tell(SET_MODE[mode])
             self._pause()
@@ -460,12 +460,12 @@ class Acutrol3000(Instrument):
             )
 
     def _mode(self) -> Mode:
-        said = self._line.ask(ASK_MODE)
+        name = self._line.ask(ASK_MODE)
         for mode in Mode:
-            if said.lower().startswith(mode.value):
+            if name.lower().startswith(mode.value):
                 return mode
         raise InstrumentError(
-            f"{self._name}: asked for the mode, expected a name such as Rate or Position, got {said[:MOST_SHOWN]!r};"
+            f"{self._name}: asked for the mode, expected a name such as Rate or Position, got {name[:MOST_SHOWN]!r};"
             " check that the address is an ACUTROL3000's"
         )
 
@@ -475,7 +475,7 @@ class Acutrol3000(Instrument):
             raise InstrumentError(f"{self._name}: {what}: {fault}")
 
     def _fault(self) -> str:
-        """What is wrong and what to do, in words; empty where neither the interlock nor the mode reports a fault."""
+        """Return the fault and what to do, in words; empty if neither the interlock nor the mode reports a fault."""
         interlock, mode = self._line.ask(ASK_INTERLOCK), self._mode()
         if not interlock.lower().startswith("fault") and mode is not Mode.ABORT:
             return ""

@@ -1,29 +1,28 @@
 """Rotary stage on an Aerotech Ensemble controller, by its ASCII interface over TCP. Not tried on hardware.
 
-Source: published driver code, see `protocols.ensemble`. The axis must count in degrees, and the ASCII
-interface must be switched on as a TCP server; the port as delivered is 8000. What follows from the sources, and is done
-here:
+Source: published driver code, see `protocols.ensemble`. The axis must count in degrees, and the ASCII interface must be
+switched on as a TCP server; the port as delivered is 8000. Consequences of the sources:
 
-- A rate is a FREERUN, an angle a LINEAR by an increment, which goes the short way however the axis counts its turns.
-  One does not follow the other in motion: the table is brought to rest between them, and the call returns after that.
-- After power-up the axis is not homed, and its status says so: rates need no home, an angle is refused until the axis
-  is homed at the controller.
-- Every stop is an ABORT: it ends either motion, and how fast it does so is a parameter that can be read back. The
-  acceleration of a FREERUN is a RAMP RATE, which cannot.
-- A bare `%` can precede the answer to a query and is left out. Since one could precede a refusal too, no
-  acknowledgement is believed: behind every command the status or the parameter is asked for.
-- The controller is not asked for a limit on the rate: the driver keeps it and refuses what lies beyond.
-- No public source describes a sinusoid: `oscillate` is refused. Nor does one name a query for the acceleration: the one
-  that is read is what successive rates prove.
+- A rate is a FREERUN, an angle a LINEAR by an increment, which takes the shorter way for any turn count of the axis.
+  They cannot follow each other in motion: the table is brought to rest between them before the call returns.
+- After power-up the axis is not homed, as its status shows: rates need no home, an angle is refused until the axis is
+  homed at the controller.
+- Every stop is an ABORT: it ends both motions; its deceleration is a parameter that can be read back. The acceleration
+  of a FREERUN is a RAMP RATE, which cannot.
+- A bare `%` can precede the answer to a query and is ignored. Since one could also precede a refusal, acknowledgements
+  are not trusted: after every command the status or the parameter is queried.
+- The controller has no query for a limit on the rate: the driver keeps it and refuses higher rates.
+- No public source describes a sinusoid: `oscillate` is refused. Nor does one name a query for the acceleration: it is
+  derived from successive rates.
 
-What it does about faults: what is not answered, or not so that it can be read, is said once more on a new connection,
-but for a move by an angle and the acknowledgement of faults. A refused command is an `InstrumentError` with the faults
-that the drive states. An emergency stop, a position error and a velocity trip make `state` FAULT, a restart makes it
-DISABLED, and nothing moves until the table is enabled again.
+Fault handling: a request without an answer, or with an unreadable one, is repeated once on a new connection, except a
+move by an angle and the acknowledgement of faults. A refused command raises `InstrumentError` with the faults that the
+drive reports. An emergency stop, a position error and a velocity trip make `state` FAULT, a restart makes it DISABLED,
+and nothing moves until the table is enabled again.
 
-The maker calls the positive end of travel the clockwise one, so a positive rate of the controller is taken for
-clockwise seen from above. `clockwise=False` where the stage is mounted or set up otherwise: compare with the gyro
-before trusting either.
+The manufacturer calls the positive end of travel the clockwise one, so a positive rate of the controller is assumed to
+be clockwise from above. Use `clockwise=False` if the stage is mounted or set up otherwise: compare with the gyro before
+trusting either.
 """
 
 from __future__ import annotations
@@ -66,8 +65,7 @@ Parsed = TypeVar("Parsed")
 class EnsembleDialogue(AxisDialogue):
     """An `AxisDialogue` in which every line is answered.
 
-    A command is said again too, since it sets something and does not change it by some amount: all but those told
-    `once`.
+    Commands are repeated too, since they set a value and not a change, except those sent with `once`.
 
     Parameters
     ----------
@@ -76,9 +74,9 @@ class EnsembleDialogue(AxisDialogue):
     axis
         The controller's number of the axis.
     timeout_s
-        How long to wait for a connection, and for a reply; wall time.
+        Timeout of a connection and of a reply; wall time.
     explain
-        Asked after a refusal: why, in words.
+        Called after a refusal; returns the reason in words.
     """
 
     def __init__(
@@ -89,7 +87,7 @@ class EnsembleDialogue(AxisDialogue):
         self._explain = explain
 
     def say(self, command: str) -> None:
-        """Send a command, whatever comes of it."""
+        """Send a command and ignore its outcome."""
         self._line.tell(self._text(command), repeatable=True)
 
     def tell(self, command: str, *values: float, once: bool = False) -> None:
@@ -140,15 +138,15 @@ ACKNOWLEDGE_FAULTS = "FAULTACK @{axis}"
 RAMPS_ARE_RATES = "RAMP MODE @{axis} RATE"
 ACCELERATION = ("RAMP RATE @{axis} {}", "RAMP RATE {}", f"SETPARM @{{axis}}, {ABORT_DECELERATION}, {{}}")
 TURN = "FREERUN @{axis} {}"
-BEFORE_A_MOVE = ("WAIT MODE NOWAIT", "INC")  # its reply does not wait for its end; it goes by increments
+BEFORE_A_MOVE = ("WAIT MODE NOWAIT", "INC")  # the reply does not wait for the end of the move; moves are relative
 MOVE_BY = "LINEAR @{axis} {} F{}"
 ABORT = "ABORT @{axis}"
 
-CONFIRM_S = 0.5  # bench time that a status is given to follow its command
+CONFIRM_S = 0.5  # bench time in which the status must follow a command
 
 
 class Ensemble(ConstantRateTable[EnsembleDialogue]):
-    """One axis of an Ensemble; an `benchctl_instruments.interfaces.RateTable`. Safe to call from several threads.
+    """One axis of an Ensemble; a `benchctl_instruments.interfaces.RateTable`. Thread-safe.
 
     Parameters
     ----------
@@ -157,11 +155,11 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
     axis
         The controller's number of the axis, from 0.
     clockwise
-        Whether the controller counts clockwise, seen from above.
+        Whether the controller counts clockwise from above.
     timeout_s
-        How long to wait for a connection, and for a reply; wall time.
+        Timeout of a connection and of a reply; wall time.
     rest_rate_dps
-        Up to this rate the table counts as at rest; no rate that is read is off by more.
+        Up to this rate the table counts as at rest; also the largest error of a measured rate.
     """
 
     _controller = "Ensemble's ASCII interface"
@@ -190,11 +188,11 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
         super().__init__(line, clock=clock, clockwise=clockwise, rest_rate_dps=rest_rate_dps)
 
     def identify(self) -> Identity:
-        """Nothing: no public source describes a question for it."""
+        """Return an empty identity: no public source describes a query for it."""
         return Identity()
 
     def set_limits(self, limits: TableLimits) -> None:
-        """Program the acceleration, of rates, angles and ABORT; keep the limit on the rate."""
+        """Program the acceleration of rates, angles and ABORT; store the limit on the rate."""
         with self._lock:
             self._limits.keep(limits)
             self._line.tell(RAMPS_ARE_RATES)
@@ -217,7 +215,7 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
             self._stop("enabling")
 
     def go_to_rate(self, rate_dps: float) -> None:
-        """Turn at a constant rate; returns at once, but a table on its way to an angle is brought to rest first."""
+        """Start to turn at a constant rate; returns at once, but first stops a table that moves to an angle."""
         self._limits.check_rate(rate_dps)
         with self._lock:
             if abs(rate_dps) < LEAST:
@@ -230,7 +228,7 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
             self._confirm(f"a rate of {rate_dps:g} deg/s", AxisStatus.ENABLED | AxisStatus.MOVE_ACTIVE)
 
     def go_to_angle(self, angle_deg: float) -> None:
-        """Turn to an angle the short way round; returns at once, but a table that moves is brought to rest first."""
+        """Start to turn to an angle by the shorter way; returns at once, but first stops a moving table."""
         check_finite(self._name, "angle", angle_deg)
         with self._lock:
             rate_dps = self._limits.known().rate_dps
@@ -249,11 +247,11 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
             self._confirm(f"an angle of {angle_deg:g} deg", AxisStatus.ENABLED)
 
     def stop(self) -> None:
-        """Stop as fast as ABORT does; a disabled table without a fault is left alone."""
+        """Stop with the deceleration of ABORT; a disabled table without a fault is left alone."""
         with self._lock:
             refusal: InstrumentError | None = None
             try:
-                self._line.tell(ABORT)  # before anything is asked
+                self._line.tell(ABORT)  # before any query
             except InstrumentError as err:
                 refusal = err
             self._fail_on_fault("it was told to stop")
@@ -261,7 +259,7 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
                 raise refusal
 
     def state(self) -> TableState:
-        """A fault before disabled before moving."""
+        """Return the state: fault first, then disabled, then moving."""
         with self._lock:
             if self._found_faults():
                 return TableState.FAULT
@@ -272,7 +270,7 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
     # Hooks ------------------------------------------------------------------------------------------------------------
 
     def _check(self) -> None:
-        """Whoever answers with the status of the axis is taken for an Ensemble."""
+        """Query the status: a controller that answers it is accepted as an Ensemble."""
         self._status()
 
     def _switch_off(self) -> None:
@@ -303,14 +301,14 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
         return self._line.ask(ASK_STATUS, parse_bits)
 
     def _found_faults(self) -> int:
-        """The word of faults. Whatever the controller is set up to do at one, no motion goes on in a fault."""
+        """Return the word of faults; in a fault any motion is aborted, regardless of the controller's settings."""
         word = self._line.ask(ASK_FAULT, parse_bits)
         if word and self._status() & AxisStatus.ENABLED:
             self._line.say(ABORT)
         return word
 
     def _confirm(self, what: str, wanted: AxisStatus) -> None:
-        """Wait for bits of the status; nothing may have tripped meanwhile."""
+        """Wait for bits of the status, and check that nothing has tripped."""
         shown = wait_until(self._clock, lambda: self._status() & wanted == wanted, CONFIRM_S)
         self._fail_on_fault(f"{what} was asked for")
         if not shown:

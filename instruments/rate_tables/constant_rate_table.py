@@ -1,7 +1,7 @@
-"""What drivers do alike whose controllers know constant rates and angles, one after the other, and no sinusoid.
+"""The common part of drivers whose controllers support constant rates and angles, but no sinusoid.
 
 The driver itself keeps the limit on the rate, which such a controller does not have. Dialogues with one axis are lines
-of text in which `{axis}` stands for the axis.
+of text with the placeholder `{axis}`.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ Parsed = TypeVar("Parsed")
 
 
 class AxisDialogue(ABC):
-    """Queries, and commands that are up to the controller; every exchange is safe from several threads.
+    """Queries and commands of one axis; a controller's dialogue implements the commands. All exchanges are thread-safe.
 
-    Junk in place of an answer is asked for once more, as silence is: `benchctl_instruments.links.lines` says how.
+    An unreadable answer is requested a second time, as a missing one is: see `benchctl_instruments.links.lines`.
 
     Parameters
     ----------
     line
-        The dialogue in lines; this one opens and closes it.
+        The line dialogue; this class opens and closes it.
     axis
         The controller's number of the axis.
     """
@@ -40,15 +40,15 @@ class AxisDialogue(ABC):
         self.who = line.who
 
     def open(self) -> None:
-        """Connect; whether the right controller answers shows with the first question."""
+        """Connect; the first question shows whether the right controller answers."""
         self._line.open()
 
     def close(self) -> None:
-        """Let go of the link; safe to call twice, and never raises."""
+        """Close the link; safe to call twice, and never raises."""
         self._line.close()
 
     def ask(self, query: str, parse: Callable[[str], Parsed]) -> Parsed:
-        """What `parse` makes of the answer to a query; it raises `InstrumentError` for what that cannot be."""
+        """Return the answer to a query after `parse`, which raises `InstrumentError` for an invalid answer."""
         text = self._text(query)
         try:
             return self._ask_once(text, parse)
@@ -59,25 +59,25 @@ class AxisDialogue(ABC):
 
     @abstractmethod
     def _ask_once(self, text: str, parse: Callable[[str], Parsed]) -> Parsed:
-        """As `ask`, without a second try at what cannot be read."""
+        """Do the same as `ask`, without a second attempt after an unreadable answer."""
 
     def _text(self, pattern: str, *values: float) -> str:
-        """A line, its `{}` filled with values."""
+        """Return a line, its `{}` filled with values."""
         return pattern.format(*(f"{value:.6f}" for value in values), axis=self._axis)
 
 
-_LONGEST_STOP_S = 30.0  # bench time, where no limits are known
+_LONGEST_STOP_S = 30.0  # bench time, if no limits are known
 _POLL_S = 0.05
 _SPARE_S = 2.0
 
 
 class KeptLimits:
-    """The limits of a table as its driver keeps them: no motion before they are known, none beyond them.
+    """The limits of a table, kept by its driver: no motion before they are set, none beyond them.
 
     Parameters
     ----------
     name
-        How error messages call the table.
+        The name of the table in error messages.
     """
 
     def __init__(self, name: str) -> None:
@@ -85,14 +85,14 @@ class KeptLimits:
         self._limits: TableLimits | None = None
 
     def keep(self, limits: TableLimits) -> None:
-        """From now on these; `UsageError` where they are not both finite and above 0."""
+        """Set the limits; raises `UsageError` if they are not both finite and above 0."""
         for what, value in (("rate", limits.rate_dps), ("acceleration", limits.acceleration_dps2)):
             if not (math.isfinite(value) and value > 0.0):
                 raise UsageError(f"{self._name}: {what} limit {value}: expected a finite number above 0")
         self._limits = limits
 
     def known(self) -> TableLimits:
-        """The limits; `UsageError` before they were set."""
+        """Return the limits; raises `UsageError` before they are set."""
         if self._limits is None:
             raise UsageError(
                 f"{self._name}: it was to move before its limits were set, and its controller keeps none on the rate;"
@@ -101,7 +101,7 @@ class KeptLimits:
         return self._limits
 
     def check_rate(self, rate_dps: float) -> None:
-        """Raise `UsageError` for a rate that is no number or beyond the limit; 0 is allowed before limits are known."""
+        """Raise `UsageError` for a rate that is not finite or beyond the limit; 0 is allowed before limits are set."""
         check_finite(self._name, "rate", rate_dps)
         if rate_dps and abs(rate_dps) > self.known().rate_dps:
             raise UsageError(
@@ -109,20 +109,20 @@ class KeptLimits:
             )
 
     def longest_stop_s(self) -> float:
-        """How long a stop may take at most, in bench time."""
+        """Return the longest duration of a stop, in bench time."""
         if self._limits is None:
             return _LONGEST_STOP_S
         return _SPARE_S + 2.0 * self._limits.rate_dps / self._limits.acceleration_dps2
 
 
 def check_finite(name: str, what: str, value: float) -> None:
-    """Raise `UsageError` for what is no finite number."""
+    """Raise `UsageError` if a value is not finite."""
     if not math.isfinite(value):
         raise UsageError(f"{name}: {what} {value}: expected a finite number")
 
 
 def refuse_to_oscillate(name: str, controller: str) -> NoReturn:
-    """Raise the `UsageError` of a controller for which no sinusoid is publicly known."""
+    """Raise the `UsageError` of a controller for which no sinusoid is publicly documented."""
     raise UsageError(
         f"{name}: an oscillation was asked for, and no public source describes one for the {controller}: procedures"
         " with sines or swings (sine_sweep, two_stage, diagnostic) cannot run on it; take one of constant rates"
@@ -131,7 +131,7 @@ def refuse_to_oscillate(name: str, controller: str) -> NoReturn:
 
 
 def wait_until(clock: Clock, done: Callable[[], bool], within_s: float) -> bool:
-    """Look until something is done, at most so much bench time; whether it is."""
+    """Poll until `done` returns true, at most `within_s` of bench time; return whether it did."""
     deadline_s = clock.now() + within_s
     while not done():
         if clock.now() >= deadline_s:
@@ -141,28 +141,28 @@ def wait_until(clock: Clock, done: Callable[[], bool], within_s: float) -> bool:
 
 
 def short_way_deg(from_deg: float, to_deg: float) -> float:
-    """The shorter way from one angle to another, -180 to below 180 degrees, positive as the angles are."""
+    """Return the shorter way from one angle to another, -180 to below 180 degrees, with the sign of the angles."""
     return (to_deg - from_deg + 180.0) % 360.0 - 180.0
 
 
 SHORTEST_S = 0.04
-"""Reads closer together are not compared: what the rate may be off would hide any acceleration."""
+"""Reads closer together are not compared: the error of the rate would hide any acceleration."""
 
 
 class ProvenAcceleration:
-    """Follows the rate from read to read; not for two threads at once.
+    """Derive the acceleration from successive reads of the rate. Not thread-safe.
 
-    A rate was measured at some instant between its question and its answer, and may be off. Of all accelerations that
-    fit two reads, the one nearest to zero is stated: the smallest change of the rate over the longest time. So neither
-    noise nor a slow line ever makes an acceleration, and what is stated is a mean: of a jolt between two reads, only
-    what it has left of the rate shows.
+    A rate was measured at some instant between its question and its answer, and has an error. Of all accelerations that
+    agree with two reads, the one nearest to zero is returned: the smallest change of the rate over the longest time.
+    Noise or a slow line therefore never causes an acceleration, and the result is a mean: a jolt between two reads is
+    only visible in the remaining change of the rate.
 
     Parameters
     ----------
     clock
         Bench time.
     rate_error_dps
-        How much a rate may be off.
+        Largest error of a rate.
     """
 
     def __init__(self, clock: Clock, rate_error_dps: float) -> None:
@@ -171,13 +171,13 @@ class ProvenAcceleration:
         self._rate_dps = self._asked_s = math.nan
 
     def forget(self) -> None:
-        """The next read is the first one."""
+        """Treat the next read as the first one."""
         self._rate_dps = self._asked_s = math.nan
 
     def of(self, rate_dps: float, asked_s: float) -> float:
-        """The mean acceleration [deg/s²] since the read before, where `rate_dps` was asked for at `asked_s`.
+        """Return the mean acceleration [deg/s²] since the previous read; `rate_dps` was requested at `asked_s`.
 
-        Not a number at the first read, and at one that comes too early.
+        Returns NaN for the first read, and for one that is too early.
         """
         longest_s = self._clock.now() - self._asked_s
         if longest_s < SHORTEST_S:
@@ -189,30 +189,30 @@ class ProvenAcceleration:
 
 Dialogue = TypeVar("Dialogue", bound=AxisDialogue)
 
-LEAST = 1e-6  # deg, deg/s: less than this is written as nothing
+LEAST = 1e-6  # deg, deg/s: smaller values are treated as 0
 
 
 class ConstantRateTable(Instrument, ABC, Generic[Dialogue]):
-    """One axis of such a controller. Safe to call from several threads.
+    """One axis of such a controller. Thread-safe.
 
-    | hook              | what it does                                                                 |
+    | hook              | meaning                                                                      |
     |-------------------|------------------------------------------------------------------------------|
-    | `_controller`     | names the controller in error messages                                       |
+    | `_controller`     | name of the controller in error messages                                     |
     | `_ask_angle`      | the query for the angle [deg]                                                |
     | `_ask_rate`       | the query for the rate [deg/s]                                               |
-    | `_check`          | raises where something else answers                                          |
-    | `_moves`          | whether the table moves                                                      |
-    | `_begin_to_stop`  | has it stop, before another motion                                           |
-    | `_switch_off`     | takes the servo off a table at rest, and confirms it                         |
+    | `_check`          | raises if another instrument answers                                         |
+    | `_moves`          | returns whether the table moves                                              |
+    | `_begin_to_stop`  | starts a stop before another motion                                          |
+    | `_switch_off`     | switches the servo of a table at rest off, and confirms it                   |
 
     Parameters
     ----------
     line
         The dialogue with the axis.
     clockwise
-        Whether the controller counts clockwise, seen from above.
+        Whether the controller counts clockwise from above.
     rest_rate_dps
-        Up to this rate the table counts as at rest; no rate that is read is off by more.
+        Up to this rate the table counts as at rest; also the largest error of a measured rate.
     """
 
     oscillates: ClassVar[bool] = False
@@ -231,10 +231,10 @@ class ConstantRateTable(Instrument, ABC, Generic[Dialogue]):
         self._rest_rate_dps = rest_rate_dps
         self._lock = threading.RLock()  # a method's commands and their confirmation belong together
 
-    # What every instrument does ---------------------------------------------------------------------------------------
+    # Methods of all instruments ---------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Connect, and make sure that the right controller answers."""
+        """Connect and check that the right controller answers."""
         self._acceleration.forget()
         self._line.open()
         try:
@@ -244,13 +244,13 @@ class ConstantRateTable(Instrument, ABC, Generic[Dialogue]):
             raise
 
     def close(self) -> None:
-        """Let go of the link; the table goes on with what it was doing."""
+        """Close the link; the table continues its motion."""
         self._line.close()
 
-    # What a rate table does -------------------------------------------------------------------------------------------
+    # Methods of rate tables -------------------------------------------------------------------------------------------
 
     def disable(self) -> None:
-        """Servo off; `UsageError` while the table moves."""
+        """Switch the servo off; raises `UsageError` while the table moves."""
         with self._lock:
             rate_dps = self._rate_dps()
             if abs(rate_dps) > self._rest_rate_dps:
@@ -258,19 +258,19 @@ class ConstantRateTable(Instrument, ABC, Generic[Dialogue]):
             self._switch_off()
 
     def oscillate(self, amplitude_dps: float, frequency_hz: float) -> None:
-        """Always `UsageError`: nobody has published how to ask for it."""
+        """Always raise `UsageError`: no public source documents the commands."""
         refuse_to_oscillate(self._name, self._controller)
 
     def read(self) -> TableReading:
-        """Angle and rate, by two queries; the controller does not say the acceleration: what the rates prove."""
+        """Return angle and rate from two queries; the acceleration is derived from the rates."""
         with self._lock:
             angle_deg = self._angle_deg()
-            asked_s = self._clock.now()
+            queried_s = self._clock.now()
             rate_dps = self._rate_dps()
             return TableReading(
                 angle_deg=angle_deg % 360.0,
                 rate_dps=rate_dps,
-                acceleration_dps2=self._acceleration.of(rate_dps, asked_s),
+                acceleration_dps2=self._acceleration.of(rate_dps, queried_s),
             )
 
     # Hooks ------------------------------------------------------------------------------------------------------------
@@ -301,4 +301,4 @@ class ConstantRateTable(Instrument, ABC, Generic[Dialogue]):
         return self._sign * self._line.ask(self._ask_angle, parse_number)
 
     def _rate_dps(self) -> float:
-        return self._sign * self._line.ask(self._ask_rate, parse_number) + 0.0  # which makes 0 of -0
+        return self._sign * self._line.ask(self._ask_rate, parse_number) + 0.0  # converts -0 to 0

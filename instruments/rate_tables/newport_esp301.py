@@ -1,30 +1,29 @@
 """Rotary stage on a Newport ESP301 controller, by its commands on a serial line. Not tried on hardware.
 
-Source: published driver code, see `protocols.esp301`. The axis must count in degrees. The line is 19200
-baud, 8N1, as an ESP301 has it; an ESP302 answers at TCP port 5001 as well. What follows from the sources, and is done
-here:
+Source: published driver code, see `protocols.esp301`. The axis must count in degrees. The line is 19200 baud, 8N1, as
+on an ESP301; an ESP302 also answers at TCP port 5001. Consequences of the sources:
 
-- Nothing but a query is answered, so the queue of errors is emptied after every command, and what is set is read back.
+- Only queries are answered, so the queue of errors is emptied after every command, and settings are read back.
 - A rate is `MV+` or `MV-` at the velocity `VA`. Another rate in the same direction is a new `VA`. Before the other
-  direction, and before an angle, a table that moves is brought to rest, and the call returns after that. `WS` would
-  let the controller wait by itself, but it would then not hear `ST` either.
-- A fault shows only in the queue, once. So the driver remembers it until the table is enabled again, and stops the
-  table, whatever the controller is set up to do. An error whose code was lost on the line counts as one; and so does
-  a table that should turn and has come to rest.
-- An ESP300 was seen to say an error unasked before an answer; such a line is left out, the queue has it too.
-- Acceleration and deceleration are programmed. The limit on the rate is kept by the driver, which refuses what lies
-  beyond; a software limit of the angle (`SL`, `SR`), where one is set, is a fault when a turning table meets it.
-- After power-up the axis counts from where it stands, until it is homed (`1OR`), and no query tells which: home it
-  before angles matter. Rates need no home.
-- No public source describes a sinusoid: `oscillate` is refused. Nor does one name a query for the acceleration: the one
-  that is read is what successive rates prove.
+  direction, and before an angle, a moving table is brought to rest, and the call returns after that. `WS` would make
+  the controller wait by itself, but it would then not accept `ST` either.
+- A fault appears only once, in the queue. So the driver stores it until the table is enabled again, and stops the table
+  regardless of the controller's settings. An error whose code was lost on the line counts as a fault; so does a table
+  that should turn and has come to rest.
+- An ESP300 sent an unsolicited error before an answer; such a line is ignored, since the queue contains it too.
+- Acceleration and deceleration are programmed. The driver keeps the limit on the rate and refuses higher rates; a
+  software limit of the angle (`SL`, `SR`), if set, causes a fault when a turning table reaches it.
+- After power-up the axis counts from its present angle until it is homed (`1OR`), and no query shows which: home it if
+  angles matter. Rates need no home.
+- No public source describes a sinusoid: `oscillate` is refused. Nor does one name a query for the acceleration: it is
+  derived from successive rates.
 
-What it does about faults: a query that is not answered, or not so that it can be read, is asked once more on a line
-opened anew. A command that is lost on the way is found out by reading back and is an `InstrumentError`; so is every
-error in the queue. An emergency stop, a following error and a velocity trip make `state` FAULT, a restart makes it
-DISABLED, and nothing moves until the table is enabled again.
+Fault handling: a query without an answer, or with an unreadable one, is repeated once on a reopened line. A command
+that is lost on the line is detected by reading back and raises `InstrumentError`; so does every error in the queue. An
+emergency stop, a following error and a velocity trip make `state` FAULT, a restart makes it DISABLED, and nothing moves
+until the table is enabled again.
 
-`clockwise=True` where the stage counts clockwise, seen from above: no source says, compare with the gyro.
+Use `clockwise=True` if the stage counts clockwise from above: no source states it, compare with the gyro.
 """
 
 from __future__ import annotations
@@ -65,16 +64,16 @@ MOST_ERRORS = 20  # more than the queue can hold
 
 
 class Esp301Dialogue(AxisDialogue):
-    """An `AxisDialogue` in which nothing but a query is answered.
+    """An `AxisDialogue` in which only queries are answered.
 
-    So the queue of errors is emptied after each command, and what is set is read back. An error leaves the queue when
-    it is asked for, and its code may be lost on the line:
+    The queue of errors is therefore emptied after each command, and settings are read back. A query removes an error
+    from the queue, and its code may be lost on the line:
 
-    | what comes for `TE?`                | what is done                                                         |
+    | answer to `TE?`                     | handling                                                             |
     |-------------------------------------|----------------------------------------------------------------------|
-    | a 0 with junk                       | asked once more                                                      |
-    | what cannot be read, and was no 0   | a fault, "an error whose code was lost on the line"; asked once more |
-    | nothing in time                     | asked once more, and told that an error may have been lost           |
+    | a 0 with junk                       | queried a second time                                                |
+    | unreadable, but not a 0             | a fault, "an error whose code was lost on the line"; queried again   |
+    | none in time                        | queried again; a possibly lost error is reported                     |
 
     Parameters
     ----------
@@ -83,9 +82,9 @@ class Esp301Dialogue(AxisDialogue):
     axis
         The controller's number of the axis.
     timeout_s
-        How long to wait for a whole answer; wall time.
+        Timeout of a complete answer; wall time.
     on_fault
-        Told of each fault that comes out of the queue.
+        Called with each fault from the queue.
     """
 
     def __init__(
@@ -97,11 +96,11 @@ class Esp301Dialogue(AxisDialogue):
         self._on_fault = on_fault
 
     def say(self, command: str) -> None:
-        """Send a command and ask nothing."""
+        """Send a command without any query."""
         self._line.tell(self._text(command))
 
     def tell(self, command: str, *values: float) -> None:
-        """Send a command, its `{}` filled with values; no error may come of it."""
+        """Send a command, its `{}` filled with values; raises `InstrumentError` if it causes an error."""
         text = self._text(command, *values)
         self._line.tell(text)
         if errors := self.take_errors():
@@ -120,7 +119,7 @@ class Esp301Dialogue(AxisDialogue):
             )
 
     def take_errors(self) -> list[Error]:
-        """Empty the queue."""
+        """Empty the queue and return its errors."""
         errors: list[Error] = []
         for error in self._queued():
             errors.append(error)
@@ -134,7 +133,7 @@ class Esp301Dialogue(AxisDialogue):
         return errors
 
     def _queued(self) -> Iterator[Error]:
-        """What comes out of the queue, until it is empty."""
+        """Yield the errors in the queue until it is empty."""
         while True:
             failures = self._counting.failures
             answer = self._line.ask(ASK_ERROR, skip=is_unasked)
@@ -160,7 +159,7 @@ class Esp301Dialogue(AxisDialogue):
 
 
 class _CountingLine(LineDialogue):
-    """Counts what fails, be it got over by asking again: an answer that was lost is gone where asking takes it away."""
+    """Counts failures, including recovered ones: a lost answer may have removed an error from the queue."""
 
     failures = 0
 
@@ -173,7 +172,7 @@ class _CountingLine(LineDialogue):
 
 
 def listed(errors: list[Error]) -> str:
-    """Errors in words, the oldest first."""
+    """Return errors in words, oldest first."""
     return ", ".join(map(str, errors))
 
 
@@ -192,11 +191,11 @@ GO_TO = "{axis}PA{}"
 VELOCITY = "{axis}VA"  # deg/s
 RAMPS = ("{axis}AC", "{axis}AG")  # acceleration, deceleration [deg/s²]
 
-NEAR_DEG = 0.1  # so near to an angle, a table at rest has reached it
+NEAR_DEG = 0.1  # a table at rest this near to an angle has reached it
 
 
 class Esp301(ConstantRateTable[Esp301Dialogue]):
-    """One axis of an ESP301; an `benchctl_instruments.interfaces.RateTable`. Safe to call from several threads.
+    """One axis of an ESP301; a `benchctl_instruments.interfaces.RateTable`. Thread-safe.
 
     Parameters
     ----------
@@ -205,11 +204,11 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
     axis
         The controller's number of the axis, from 1.
     clockwise
-        Whether the controller counts clockwise, seen from above.
+        Whether the controller counts clockwise from above.
     timeout_s
-        How long to wait for a whole answer; wall time.
+        Timeout of a complete answer; wall time.
     rest_rate_dps
-        Up to this rate the table counts as at rest; no rate that is read is off by more.
+        Up to this rate the table counts as at rest; also the largest error of a measured rate.
     """
 
     _controller = "ESP301"
@@ -237,25 +236,25 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
         )
         super().__init__(line, clock=clock, clockwise=clockwise, rest_rate_dps=rest_rate_dps)
         self._axis = axis
-        self._turns = 0  # the direction of an `MV` that goes on, as far as is known here
+        self._turns = 0  # direction of a running `MV`, as far as the driver knows
         self._faults: list[str] = []  # since the table was enabled, in words
 
-    # What a rate table does -------------------------------------------------------------------------------------------
+    # Methods of rate tables -------------------------------------------------------------------------------------------
 
     def identify(self) -> Identity:
-        """Model and firmware, as `VE?` says them."""
+        """Return model and firmware from `VE?`."""
         model, _, firmware = self._line.ask(ASK_VERSION, str).partition(" ")
         return Identity(model=model, firmware=firmware.strip())
 
     def set_limits(self, limits: TableLimits) -> None:
-        """Program acceleration and deceleration; keep the limit on the rate."""
+        """Program acceleration and deceleration; store the limit on the rate."""
         with self._lock:
             self._limits.keep(limits)
             for setting in RAMPS:
                 self._line.write(setting, limits.acceleration_dps2)
 
     def enable(self) -> None:
-        """Empty the queue of errors, forget faults, motor on, hold still."""
+        """Empty the queue of errors, clear stored faults, switch the motor on, hold still."""
         with self._lock:
             self._tell_of_errors()
             self._faults.clear()
@@ -264,7 +263,7 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
             self._confirm("enabling")
 
     def go_to_rate(self, rate_dps: float) -> None:
-        """Turn at a constant rate; returns at once, but before another direction the table is brought to rest."""
+        """Start to turn at a constant rate; returns at once, but first stops the table to change its direction."""
         self._limits.check_rate(rate_dps)
         direction = int(math.copysign(1.0, self._sign * rate_dps))
         with self._lock:
@@ -281,7 +280,7 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
             self._confirm(f"a rate of {rate_dps:g} deg/s")
 
     def go_to_angle(self, angle_deg: float) -> None:
-        """Turn to an angle the short way round; returns at once, but a table that moves is brought to rest first."""
+        """Start to turn to an angle by the shorter way; returns at once, but first stops a moving table."""
         check_finite(self._name, "angle", angle_deg)
         with self._lock:
             rate_dps = self._limits.known().rate_dps
@@ -302,7 +301,7 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
         """Stop within the deceleration; a table whose motor is off without a fault is left alone."""
         with self._lock:
             self._turns = 0
-            for _ in range(2):  # nothing answers it, and one lost line must not leave the table turning
+            for _ in range(2):  # ST is not answered, and one lost line must not leave the table turning
                 self._line.say(STOP)
                 errors = self._tell_of_errors()
             self._fail_on_fault("it was told to stop")
@@ -312,7 +311,7 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
                 )
 
     def state(self) -> TableState:
-        """A fault since the table was enabled before disabled before moving."""
+        """Return the state: a fault since the table was enabled first, then disabled, then moving."""
         with self._lock:
             if self._found_faults():
                 return TableState.FAULT
@@ -323,7 +322,7 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
     # Hooks ------------------------------------------------------------------------------------------------------------
 
     def _check(self) -> None:
-        """An ESP30x answers, and the axis is there and counts in degrees."""
+        """Check that an ESP30x answers, and that the axis exists and counts in degrees."""
         version = self._line.ask(ASK_VERSION, str)
         if "ESP" not in version.upper():
             raise InstrumentError(
@@ -333,7 +332,7 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
         self._check_axis()
 
     def _check_axis(self) -> None:
-        """An axis that is not there is not answered for; the queue then says why."""
+        """Check the axis: queries of a missing axis are not answered, but the queue contains the reason."""
         self._tell_of_errors()
         try:
             units = self._line.ask(ASK_UNITS, parse_number)
@@ -371,11 +370,11 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
         return self._line.ask(ASK_ON, parse_flag)
 
     def _at_rest(self) -> bool:
-        """Whether the controller holds its last motion for done."""
+        """Return whether the controller reports its last motion as done."""
         return self._line.ask(ASK_AT_REST, parse_flag)
 
     def _confirm(self, what: str) -> None:
-        """The motor is on, and nothing has tripped meanwhile."""
+        """Check that the motor is on and nothing has tripped."""
         self._look_for_faults(f"{what} was asked for")
         if not self._is_on():
             raise InstrumentError(f"{self._name}: {what} was asked for, and its motor is off; enable the table first")
@@ -399,14 +398,14 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
         return bool(self._faults)
 
     def _tell_of_errors(self) -> list[Error]:
-        """Empty the queue where no command must be without an error: faults are remembered, others are told."""
+        """Empty the queue when no command can be the cause: store faults, report other errors."""
         errors = self._line.take_errors()
         if others := [error for error in errors if not error.fault]:
             note_recovered(f"{self._name}: it reports {listed(others)}", "none of that is a fault")
         return errors
 
     def _meet_fault(self, fault: Error) -> None:
-        """Remember it. Whatever the controller is set up to do at one, no motion goes on in a fault."""
+        """Store a fault and stop any motion, regardless of the controller's settings."""
         if str(fault) not in self._faults:
             self._faults.append(str(fault))
             self._turns = 0

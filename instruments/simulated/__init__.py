@@ -1,1 +1,1 @@
-"""The bench that needs no hardware: servers that speak the real protocols over the physics, on one clock."""
+"""The simulated bench: servers that implement the real protocols on simulated physics, with one clock."""

@@ -1,8 +1,8 @@
-"""A simulated ACUTROL3000 on the wire. It shares only ACL with the driver.
+"""A simulated ACUTROL3000 server. It shares only ACL with the driver.
 
-How it decides where no source says how the real one does: a refusal is `ERROR` and a reason; the interlock answers
-`Open`, `Closed` or `Fault`; a demand beyond a limit is refused whole. A velocity trip, a following error or an
-interlock opened by hand leads to Abort, un-servoed and latched until reset.
+Behaviour chosen without a source: a refusal is `ERROR` and a reason; the interlock answers `Open`, `Closed` or `Fault`;
+a demand beyond a limit is refused completely. A velocity trip, a following error or an interlock opened manually leads
+to Abort, with the servo off, latched until reset.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from benchctl_instruments.errors import InstrumentError, UsageError
-from benchctl_instruments.protocols.acl import Command, encode_reply, parse_commands
+from benchctl_instruments.protocols.acl import AclCommand, encode_reply, parse_commands
 from benchctl_instruments.protocols.lines import LineCutter, parse_number
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import TableMachine
@@ -22,10 +22,10 @@ from benchctl_instruments.simulated.serial_line import LineConversation, TableSe
 from benchctl_instruments.simulated.tcp_server import TcpServer
 
 IDENTITY = "simulated,ACUTROL3000,1,0"
-STATUS_FAULT = 65  # what a real one was seen to answer with its interlock in fault
+STATUS_FAULT = 65  # observed on a real controller with its interlock in fault
 MODE_NAMES = {"off": "Off", "position": "Position", "rate": "Rate", "arate": "AbsRate", "synthesizer": "Synthesizer"}
 LIMITED_MODES = ("position", "rate", "synthesizer", "abort", "arate")
-_PER_DEGREE: dict[str, Callable[[float], float]] = {  # what one unit of an oscillation's amplitude is in degrees
+_PER_DEGREE: dict[str, Callable[[float], float]] = {  # degrees per unit of an oscillation's amplitude
     "pos": lambda omega: 1.0,
     "rate": lambda omega: 1.0 / omega,
     "accel": lambda omega: 1.0 / omega**2,
@@ -34,7 +34,7 @@ _PER_DEGREE: dict[str, Callable[[float], float]] = {  # what one unit of an osci
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Oscillator:
-    """The synthesizer's settings: amplitude in units of `kind`, its slew rate in those units a second."""
+    """The synthesizer's settings: amplitude in units of `kind`, its slew rate in those units per second."""
 
     amplitude: float = 0.0
     frequency_hz: float = 0.0
@@ -44,19 +44,19 @@ class Oscillator:
     kind: str = "Pos"
 
     def amplitude_deg(self, amount: float) -> float:
-        """An amplitude, or a slew rate, in degrees."""
+        """Return an amplitude, or a slew rate, in degrees."""
         if self.frequency_hz <= 0.0:
             return 0.0
         return amount * _PER_DEGREE[self.kind.lower()](2.0 * math.pi * self.frequency_hz)
 
 
 class AcutrolController:
-    """The controller of one axis, number 1; safe to call from any thread.
+    """The controller of one axis, number 1. Thread-safe.
 
     Parameters
     ----------
     table
-        The axis; its limits at this moment are the factory's limits.
+        The axis; its present limits become the factory limits.
     """
 
     def __init__(self, table: TableMachine) -> None:
@@ -76,23 +76,23 @@ class AcutrolController:
         self._oscillator = Oscillator()
 
     def open_interlock(self) -> None:
-        """Open the interlock by hand, as an emergency stop does: un-servoed and in fault, until closed and reset."""
+        """Open the interlock, as an emergency stop does: servo off and in fault, until closed and reset."""
         with self._lock:
             self._opened_by_hand = True
             self._abort()
 
     def close_interlock(self) -> None:
-        """Close the interlock by hand; the fault stays latched."""
+        """Close the interlock; the fault stays latched."""
         with self._lock:
             self._opened_by_hand = False
 
     def trip(self) -> None:
-        """Abort, as after a following error: un-servoed and in fault, until reset."""
+        """Abort, as after a following error: servo off and in fault, until reset."""
         with self._lock:
             self._abort()
 
     def restart(self) -> None:
-        """Start anew, as after a power failure: un-servoed, no demands, the factory's limits, no fault that is over."""
+        """Restart, as after a power failure: servo off, no demands, factory limits, and only faults that persist."""
         with self._lock:
             self._fault = self._opened_by_hand
             self._open_loop()
@@ -102,7 +102,7 @@ class AcutrolController:
             self._oscillator = Oscillator()
 
     def execute(self, line: str) -> str:
-        """Obey one line; the data of its reply."""
+        """Execute one line and return the data of its reply."""
         answers: list[str] = []
         with self._lock:
             try:
@@ -117,8 +117,8 @@ class AcutrolController:
 
     # One command ------------------------------------------------------------------------------------------------------
 
-    def _obey(self, command: Command) -> str | None:
-        """Do it; the answer of a query, None for a command."""
+    def _obey(self, command: AclCommand) -> str | None:
+        """Execute a command; return the answer to a query, or None."""
         match command.path, command.query:
             case ("*idn",), True:
                 return IDENTITY
@@ -196,7 +196,7 @@ class AcutrolController:
         return None
 
     def _limit_whole_axis(self, what: str, arguments: Sequence[str]) -> None:
-        """With or without a mode; the axis has no end, so limits of its position are taken and not kept."""
+        """Set a limit, with or without a mode; limits of the position are accepted and ignored."""
         if arguments and _limited_mode(arguments[0]):
             arguments = arguments[1:]
         (value,) = _numbers(_of_axis_1(arguments), 1)
@@ -216,7 +216,7 @@ class AcutrolController:
         return answers[what]
 
     def _demand(self, what: str, arguments: Sequence[str]) -> None:
-        """Load a demand; it acts at once if its mode is on, or else when its mode is entered."""
+        """Load a demand; it acts at once if its mode is on, otherwise when its mode is entered."""
         if what == "rate":
             (rate_dps,) = _numbers(arguments, 1)
             _within("rate", rate_dps, self._limits["rate"][0])
@@ -272,7 +272,7 @@ class AcutrolController:
         self._act(mode)
 
     def _act(self, *modes: str) -> None:
-        """Pass the loaded demand on to the axis, if it is in one of these modes."""
+        """Pass the loaded demand to the axis if it is in one of these modes."""
         if self._mode not in modes:
             return
         if self._mode == "position":
@@ -343,14 +343,14 @@ def _within(what: str, value: float, limit: float) -> None:
 
 
 class SimulatedAcutrol3000(TableServer):
-    """Serves a simulated table, axis 1, at `tcp://host:port`; several clients may talk to it at once.
+    """Serves a simulated table, axis 1, at `tcp://host:port`; several clients may use it at once.
 
     Parameters
     ----------
     table
-        The axis; its limits at this moment are the factory's limits.
+        The axis; its present limits become the factory limits.
     host, port, pace_baud
-        As of `TcpServer`.
+        See `TcpServer`.
     """
 
     wire: Wire = Lines(refusal_line=encode_reply("00000000", "ERROR not now"))
@@ -361,7 +361,7 @@ class SimulatedAcutrol3000(TableServer):
         controller = AcutrolController(table)
 
         def connect() -> LineConversation:
-            count = itertools.count(1)  # each reply has a header of its own
+            count = itertools.count(1)  # each reply has its own header
             return LineConversation(
                 lambda line: encode_reply(f"{next(count) % 10**8:08d}", controller.execute(line)), LineCutter()
             )

@@ -1,14 +1,14 @@
-"""A simulated Ensemble on the wire. It shares only the protocol with the driver.
+"""A simulated Ensemble server. It shares only the protocol with the driver.
 
-Its commands and parameters are those that epics-motor, robmarkcole/aerotech, lab-control-lib and ESRF's bliss use. The
-table is axis X or A; Y or B and Z or C are stages of their own. It counts clockwise. After power-up an axis counts from
-where it stands; HOME turns it to its home marker, at the table's 0 deg, and counts from there.
+It implements the commands and parameters that epics-motor, robmarkcole/aerotech, lab-control-lib and ESRF's bliss use.
+The table is axis X or A; Y or B and Z or C are separate stages. It counts clockwise. After power-up an axis counts from
+its present angle; HOME turns it to its home marker, at the table's 0 deg, and counts from there.
 
-How it decides where no source says how the real one does: `!` is for what does not exist, such as another axis or a
-number that is none; `#` for what cannot be done now, such as a motion while the axis is disabled or another kind of
-motion goes on. HOME, and in a wait mode that waits every move, is answered at its end; if that takes longer than the
-command time-out, `$` is the answer, and the motion goes on. Beyond a software limit, beyond the drive's rate and at the
-emergency stop the axis is disabled, and its fault is latched.
+Behaviour chosen without a source: `!` is answered for what does not exist, such as another axis or an invalid number;
+`#` for what is impossible now, such as a motion while the axis is disabled or another kind of motion is running. HOME,
+and in a wait mode that waits every move, is answered at its end; if that takes longer than the command time-out, `$` is
+answered, and the motion continues. Beyond a software limit, beyond the drive's rate and at the emergency stop the axis
+is disabled, and its fault is latched.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from benchctl_instruments.protocols.ensemble import (
     END,
     PLANE_MOVES,
     AxisStatus,
-    Command,
+    EnsembleCommand,
     Outcome,
     Reply,
     encode_reply,
@@ -48,23 +48,23 @@ POSITION_ERROR, CW_SOFTWARE_LIMIT, CCW_SOFTWARE_LIMIT, RATE_COMMAND, EMERGENCY_S
 COUNTS_PER_UNIT, LOW_LIMIT, HIGH_LIMIT, FEEDBACK_TYPE = 2, 37, 38, 47
 DEFAULT_SPEED, DEFAULT_RAMP, HOME_SPEED, HOME_OFFSET, HOME_RAMP = 71, 72, 76, 77, 78
 AXIS_NAME, TIMEOUT_MS = 140, 202
-PARAMETERS = {  # beside rates and ramps; both software limits 0: none [deg]
+PARAMETERS = {  # in addition to rates and ramps; both software limits 0: none [deg]
     **dict.fromkeys((1, LOW_LIMIT, HIGH_LIMIT, 61, 74, 75, HOME_OFFSET), 0.0),
     **{COUNTS_PER_UNIT: 1000.0, FEEDBACK_TYPE: 2.0, TIMEOUT_MS: 60_000.0},
 }
 AT_ANGLE_DEG, AT_REST_DPS = 0.005, 0.005
-TRIP = 1.1  # of the drive's rate
-POLL_S = 0.002  # wall time between two looks at a motion that is waited for
+TRIP = 1.1  # relative to the drive's rate
+POLL_S = 0.002  # wall time between two polls of a running motion
 MODES = {"WAIT MODE": ("NOWAIT", "MOVEDONE", "INPOS"), "RAMP MODE": ("RATE",)}
 _MOVE = re.compile(r"(?:(?P<axis>@\d|[A-CX-Z])\s*)?(?P<speed>F)?\s*(?P<value>[+-]?[\d.]+(?:E[+-]?\d+)?)(?:\s+|$)")
 
 
 class _RefusedError(Exception):
-    """What exists and cannot be done now."""
+    """The command exists but is impossible now."""
 
 
 class _Axis:
-    """One axis; its table's limits at this moment are those of the drive."""
+    """One axis; the present limits of its table become those of the drive."""
 
     def __init__(self, table: TableMachine) -> None:
         self.table = table
@@ -73,10 +73,10 @@ class _Axis:
         self.faults = 0
         self.stop_pressed = False
         self.rate_dps = 0.0  # of FREERUN
-        self.target_deg: float | None = None  # of a move, while it goes on; as the table counts
+        self.target_deg: float | None = None  # of a running move, as the table counts
         self.in_plane = False  # whether that move is a LINEAR
         self.homing = False
-        self.stopping = True  # until it has come to rest; a servo that hunts about its place afterwards does not move
+        self.stopping = True  # until it has come to rest; the servo's hunting about its place does not count as motion
         self.set_as_delivered()
 
     def set_as_delivered(self) -> None:
@@ -90,7 +90,7 @@ class _Axis:
 
     @property
     def angle_deg(self) -> float:
-        """As feedback counts it; programs add `offset_deg`."""
+        """The angle of the feedback; programs add `offset_deg`."""
         return -self.table.motion().angle_deg - self.origin_deg
 
     @property
@@ -145,7 +145,7 @@ class _Axis:
             raise _RefusedError
 
     def move(self, to_deg: float, rate_dps: float, ramp_dps2: float, *, in_plane: bool) -> None:
-        """Go to an angle, as the table counts clockwise."""
+        """Start to move to an angle, as the table counts clockwise."""
         if rate_dps > self.most_dps:
             self.trip(RATE_COMMAND)
             return
@@ -160,7 +160,7 @@ class _Axis:
         self.move(marker_deg, self.parameters[HOME_SPEED], self.parameters[HOME_RAMP], in_plane=False)
 
     def watch(self) -> None:
-        """See whether a move has ended, and what has tripped."""
+        """Detect the end of a move, and faults."""
         motion = self.table.motion()
         angle_deg, rate_dps = self.angle_deg, -motion.rate_dps
         self.stopping = self.rate_dps != 0.0 or (self.stopping and abs(rate_dps) > AT_REST_DPS)
@@ -191,12 +191,12 @@ class _Axis:
 
 
 class EnsembleController:
-    """The controller of three axes, the table on the first; safe to call from any thread.
+    """The controller of three axes, the table on the first. Thread-safe.
 
     Parameters
     ----------
     table
-        The axis; its limits at this moment are those of the drive.
+        The axis; its present limits become those of the drive.
     """
 
     def __init__(self, table: TableMachine) -> None:
@@ -211,7 +211,7 @@ class EnsembleController:
         self._incremental = False
         self._waits = True
         self._globals: dict[int, float] = {}
-        self._moved: Sequence[_Axis] = ()  # whose motion the reply waits for
+        self._moved: Sequence[_Axis] = ()  # axes for whose motion the reply waits
 
     def open_interlock(self) -> None:
         """Press the emergency stop: the axis is disabled and in fault, until it is released and acknowledged."""
@@ -225,12 +225,12 @@ class EnsembleController:
             self._axes[0].stop_pressed = False
 
     def trip(self) -> None:
-        """A position error: the axis is disabled and in fault, until that is acknowledged."""
+        """Cause a position error: the axis is disabled and in fault, until that is acknowledged."""
         with self._lock:
             self._axes[0].trip(POSITION_ERROR)
 
     def restart(self) -> None:
-        """Start anew, as after a power failure: disabled, not homed, no fault that is over, settings as delivered."""
+        """Restart, as after a power failure: disabled, not homed, only persistent faults, settings as delivered."""
         with self._lock:
             for axis in self._axes:
                 axis.disable()
@@ -239,12 +239,12 @@ class EnsembleController:
             self._set_as_delivered()
 
     def execute(self, line: str) -> Reply:
-        """Obey one line; where the reply waits for a motion, it returns at the end of that."""
+        """Execute one line; if the reply waits for a motion, return at the end of the motion."""
         with self._lock:
             self._watch()
             try:
                 reply = self._obey(parse_command(line))
-            except (UsageError, InstrumentError):  # no command, or no number in it
+            except (UsageError, InstrumentError):  # an invalid command, or an invalid number in it
                 return Reply(outcome=Outcome.NOT_UNDERSTOOD)
             except _RefusedError:
                 return Reply(outcome=Outcome.REFUSED)
@@ -264,7 +264,7 @@ class EnsembleController:
 
     # One command ------------------------------------------------------------------------------------------------------
 
-    def _obey(self, command: Command) -> Reply:
+    def _obey(self, command: EnsembleCommand) -> Reply:
         name, words = command.name, command.arguments
         match name:
             case "VERSION":
@@ -335,14 +335,14 @@ class EnsembleController:
         return f"{axis.angle_deg + axis.offset_deg * name.endswith('PROG') + 0.0:.6f}"
 
     def _one(self, words: Sequence[str]) -> _Axis:
-        """The axis that is named."""
+        """Return the named axis."""
         _expect(len(words) == 1)
         named = [words[0].upper() in names for names in NAMES]
         _expect(any(named))
         return self._axes[named.index(True)]
 
     def _some(self, words: Iterable[str], *, least: int = 0) -> list[_Axis]:
-        """The axes that are named, each once."""
+        """Return the named axes; each may be named once."""
         axes = [self._one([word]) for word in words]
         _expect(len(axes) >= least and len(set(axes)) == len(axes))
         return axes
@@ -362,7 +362,7 @@ class EnsembleController:
             self._plane_ramp_dps2 = ramp_dps2
 
     def _move(self, name: str, words: Sequence[str]) -> None:
-        """`X 10 XF 5 Y 3 YF 5`, or with one speed for all, `X 10 F 5`; blanks may be missing."""
+        """Execute `X 10 XF 5 Y 3 YF 5`, or with one speed for all, `X 10 F 5`; blanks may be missing."""
         text = " ".join(words).upper()
         parts = list(_MOVE.finditer(text))
         _expect("".join(part.group() for part in parts) == text)
@@ -420,16 +420,16 @@ def _chosen(name: str, words: Sequence[str]) -> str:
 
 
 class SimulatedEnsemble(TableServer):
-    """Serves a simulated table, axis X of three, at `tcp://host:port`; several clients may talk to it at once.
+    """Serves a simulated table, axis X of three, at `tcp://host:port`; several clients may use it at once.
 
     Parameters
     ----------
     table
-        The axis; its limits at this moment are those of the drive.
+        The axis; its present limits become those of the drive.
     host, port, pace_baud
-        As of `TcpServer`.
+        See `TcpServer`.
     bare_lines
-        Data come behind a bare `%` line, as was seen on real ones.
+        Precede data with a bare `%` line, as observed on real controllers.
     """
 
     wire: Wire = Lines(refusal_line=encode_reply(Reply(outcome=Outcome.REFUSED)))

@@ -1,4 +1,4 @@
-"""The rate table of the simulated bench: a plan of motion in closed form, replaced by the next demand."""
+"""The rate table of the simulated bench: a motion plan in closed form, replaced by the next demand."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LONG_AGO_S = -100.0
 
 
 class TableAxis:
-    """A `TableMachine`. It starts at rest with the servo off; while it is off, demands do nothing."""
+    """A `TableMachine`. It starts at rest with the servo off; while the servo is off, demands have no effect."""
 
     def __init__(self, timebase: Timebase, parameters: TableParameters) -> None:
         self._timebase = timebase
@@ -26,10 +26,10 @@ class TableAxis:
         self._acceleration_limit_dps2 = parameters.acceleration_limit_dps2
         self._closed = False
         self._segments = [coast(Piece(angle_deg=parameters.start_angle_deg), _LONG_AGO_S)]
-        self._last_look: tuple[float, TableMotion] | None = None  # of this plan
+        self._last_look: tuple[float, TableMotion] | None = None  # of the present plan
 
     def motion(self) -> TableMotion:
-        """The true motion now; a controller looks several times for one answer, often at one instant."""
+        """Return the present true motion, cached since a controller often reads it several times at one instant."""
         with self._timebase.lock:
             now = self._timebase.now()
             if self._last_look is None or self._last_look[0] != now:
@@ -37,48 +37,48 @@ class TableAxis:
             return self._last_look[1]
 
     def at(self, times_s: FloatArray) -> Motion:
-        """The true motion at instants of shape (n,), in increasing order, as far back as is remembered."""
+        """Return the true motion at instants of shape (n,), in increasing order, as far back as the history is kept."""
         with self._timebase.lock:
             return with_ripple(self._parameters, self._unrippled(times_s))
 
     def close_loop(self) -> None:
-        """Servo on; a table that still coasts is stopped."""
+        """Switch the servo on; a coasting table is stopped."""
         with self._timebase.lock:
             if not self._closed:
                 self._closed = True
                 self._bring_to_rest(self._acceleration_limit_dps2)
 
     def open_loop(self) -> None:
-        """Servo off; friction brings the table to rest."""
+        """Switch the servo off; friction brings the table to rest."""
         with self._timebase.lock:
             if self._closed:
                 self._closed = False
                 self._bring_to_rest(self._parameters.friction_dps2)
 
     def limits(self) -> tuple[float, float]:
-        """Rate [deg/s] and acceleration [deg/s²] limits."""
+        """Return the limits of rate [deg/s] and acceleration [deg/s²]."""
         return self._rate_limit_dps, self._acceleration_limit_dps2
 
     def set_limits(self, rate_dps: float, acceleration_dps2: float) -> None:
-        """New limits, for demands from now on."""
+        """Set the limits for later demands."""
         if not (rate_dps > 0.0 and acceleration_dps2 > 0.0):
             raise UsageError(f"limits of {rate_dps} deg/s and {acceleration_dps2} deg/s²; give both above 0")
         with self._timebase.lock:
             self._rate_limit_dps, self._acceleration_limit_dps2 = rate_dps, acceleration_dps2
 
     def demand_rate(self, rate_dps: float) -> None:
-        """Turn at a constant rate, at most the limit."""
+        """Turn at a constant rate, clipped to the limit."""
         target_dps = max(-self._rate_limit_dps, min(self._rate_limit_dps, rate_dps))
         self._demand(lambda angle, rate: to_rate(angle, rate, target_dps, self._acceleration_limit_dps2))
 
     def demand_angle(self, angle_deg: float) -> None:
-        """Go to an unwrapped angle in the least time, and hold it."""
+        """Go to an unwrapped angle in the shortest time, and hold it."""
         self._demand(
             lambda angle, rate: to_angle(angle, rate, angle_deg, self._rate_limit_dps, self._acceleration_limit_dps2)
         )
 
     def demand_sine(self, amplitude_deg: float, frequency_hz: float, phase_deg: float, slew_deg_per_s: float) -> None:
-        """Oscillate about the present angle; a table that turns is stopped first: `physics.table.to_sine`."""
+        """Oscillate about the present angle; a turning table is stopped first: `physics.table.to_sine`."""
         self._demand(
             lambda angle, rate: to_sine(
                 angle,
@@ -93,7 +93,7 @@ class TableAxis:
         )
 
     def _demand(self, profile: Callable[[float, float], tuple[Piece, ...]]) -> None:
-        """A new profile, which begins at the angle and rate that were demanded so far."""
+        """Start a new profile at the presently demanded angle and rate."""
         with self._timebase.lock:
             if self._closed:
                 at_s = self._timebase.next_instant()
@@ -102,17 +102,17 @@ class TableAxis:
                 self._replan(at_s, profile(angle_deg, rate_dps))
 
     def _bring_to_rest(self, acceleration_dps2: float) -> None:
-        """A stop that begins at the angle and rate that the table has."""
+        """Start a stop at the present angle and rate of the table."""
         at_s = self._timebase.next_instant()
         angle_deg, rate_dps = _state(self._until(at_s)[-1], at_s)
         self._replan(at_s, to_rate(angle_deg, rate_dps, 0.0, acceleration_dps2))
 
     def _until(self, at_s: float) -> list[Segment]:
-        """The segments that begin before an instant; the last one leads up to it."""
+        """Return the segments that begin before an instant; the last one extends to it."""
         return [segment for segment in self._segments if segment.start_s < at_s]
 
     def _replan(self, at_s: float, pieces: tuple[Piece, ...]) -> None:
-        """Put pieces one after the other in place of the plan from an instant on; forget what nobody will ask for."""
+        """Replace the plan from an instant on by consecutive pieces; drop segments that are no longer needed."""
         segments = self._until(at_s)
         past = sum(segment.start_s <= self._timebase.forgettable_s() for segment in segments)
         segments = segments[max(past - 1, 0) :]
@@ -156,6 +156,6 @@ class TableAxis:
 
 
 def _state(segment: Segment, time_s: float) -> tuple[float, float]:
-    """Angle [deg] and rate [deg/s] before ripple at an instant."""
+    """Return angle [deg] and rate [deg/s] before ripple at an instant."""
     motion = segment.at(np.array([time_s]))
     return float(motion.angle_deg[0]), float(motion.rate_dps[0])

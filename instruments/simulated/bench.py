@@ -1,18 +1,18 @@
-"""The simulated bench on the wire: one world, and a server for each instrument that speaks its real protocol.
+"""The simulated bench with its links: one world, and for each instrument a server with its real protocol.
 
-The keywords of each simulated instrument follow from what bench.toml states of its wire: the two ends have to agree.
-A keyword that a driver and its twin both have means the same at both ends: a unit's number, a loop, a channel, the
-order of words. Keywords that only the driver has are the host's own affair (time-outs, pauses), but for those of
-`BOTH_ENDS`: a twin that does not take them would be wired otherwise than the driver believes.
+The keywords of each simulated instrument are derived from its section of bench.toml, so that both ends agree. A keyword
+common to a driver and its twin has the same meaning at both ends: a unit's number, a loop, a channel, the word order.
+Keywords that only the driver has concern the host only (time-outs, pauses), except those of `BOTH_ENDS`: a twin that
+does not accept one of these would differ from the driver's settings.
 
-An address says on what kind of line to serve, nothing else: the twin takes a device or a port of its own.
+An address only determines the kind of line to serve: the twin uses its own device or port.
 
 | address     | the twin serves                                                                             |
 |-------------|---------------------------------------------------------------------------------------------|
-| (none)      | what it serves by itself                                                                    |
-| `serial://` | a pseudo-terminal; where the system has none, the same bytes over TCP                       |
-| `tcp://`    | TCP; a controller that has only a serial line: its bytes over TCP, as behind a server of    |
-| `socket://` | serial ports                                                                                |
+| (none)      | its default                                                                                 |
+| `serial://` | a pseudo-terminal; if the system has none, the same bytes over TCP                          |
+| `tcp://`    | TCP; for a controller that has only a serial line: its bytes over TCP, as behind a server   |
+| `socket://` | of serial ports                                                                             |
 """
 
 from __future__ import annotations
@@ -55,14 +55,14 @@ LINE = "over_tcp"
 def twin_keywords(
     kind: Kind, model: str, *, options: Mapping[str, Any], address: str | None = None, profile: str = ""
 ) -> dict[str, Any]:
-    """The keywords with which the twin of a model is wired as its driver with these options at that address.
+    """Return the keywords of a model's twin that match a driver with these options at that address.
 
-    `profile` is as of `benchctl_instruments.catalog.twin`.
+    `profile` is as for `benchctl_instruments.catalog.twin`.
 
     Raises
     ------
     UsageError
-        Where the twin cannot be wired so.
+        If the twin cannot match them.
     """
     takes = inspect.signature(twin(kind, model, profile)).parameters
     usual = inspect.signature(driver(kind, model, profile)).parameters
@@ -92,21 +92,21 @@ class SimulatedBench:
     Parameters
     ----------
     settings
-        What the world obeys.
+        Settings of the world.
     clock
         Virtual for a campaign in this process, scaled wall time for other programs.
     rate_table, chamber, digitizer
         Models, as in bench.toml.
     chamber_profile
-        The text of the profile that `chamber` names, where it names one that is read already.
+        The text of the profile that `chamber` names, if it has been read already.
     effects
-        Physics beside the baseline.
+        Effects in addition to the baseline.
     options
         Further keywords of the twins, by instrument: a port, a pace.
     faults
-        What goes wrong on the links and in the machines, and when.
+        Faults of the links and machines, and when they occur.
     gyro
-        The model of a digital gyro, which turns with the table as well; None: there is none.
+        The model of a digital gyro, which also turns with the table; None for no such gyro.
     """
 
     def __init__(
@@ -157,7 +157,7 @@ class SimulatedBench:
 
     @property
     def addresses(self) -> dict[str, str]:
-        """Where the instruments answer, by their names in bench.toml; the stream has an address of its own."""
+        """The addresses of the instruments by their names in bench.toml; the stream has its own address."""
         found: dict[str, str] = {name: server.address for name, server in self._servers.items()}
         if stream := getattr(self.digitizer, "stream_address", None):
             found["digitizer_stream"] = stream
@@ -165,7 +165,7 @@ class SimulatedBench:
 
 
 def _made(kind: Kind, make: Any, machine: Any, options: Mapping[str, Mapping[str, Any]]) -> Any:
-    """A twin over its machine; a wrong value among its options is a `UsageError`."""
+    """Return a twin over its machine; raises `UsageError` for an invalid option."""
     keywords = options.get(kind, {})
     try:
         return make(machine, **keywords)

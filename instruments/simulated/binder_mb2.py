@@ -1,7 +1,7 @@
 """A simulated Binder chamber with an MB2 controller: its registers over a chamber machine, served as Modbus RTU.
 
-Registers: P. Tobiska, control of Binder climate chambers, version 20200630 (MKFT 115, MB2). Humidity does not move, nor
-does time: a started program stays where it is until it is stopped, and the clock shows what was written to it.
+Registers: P. Tobiska, control of Binder climate chambers, version 20200630 (MKFT 115, MB2). Humidity and time are
+constant: a started program does not advance until it is stopped, and the clock shows the last time written to it.
 """
 
 from __future__ import annotations
@@ -44,22 +44,22 @@ MEMORY = {
 
 
 class SimulatedBinderMb2(ModbusRtuServer):
-    """A Binder MB2 on a simulated serial line, from `start()` to `stop()` or in a `with`; a driver takes its `address`.
+    """A Binder MB2 on a simulated serial line, from `start()` to `stop()` or in a `with`; a driver uses its `address`.
 
     Parameters
     ----------
     chamber
-        What it controls.
+        The chamber machine.
     word_order
-        Of its singles.
+        Word order of its singles.
     write_denied
-        The exception that answers a write where none is allowed; sources say 8, or 5.
+        The exception that answers a write where none is allowed; sources state 8, or 5.
     unit_id, pace_baud, over_tcp
         See `ModbusRtuServer`.
 
-    While it idles the set point that it shows is `idle_c`, not that of manual mode. `program_left_s` above zero says
-    that a program runs, which denies manual operation; while `ready` is false, every request is answered with exception
-    4. All three, and `contacts`, may be set by hand.
+    While it idles, the set point shown is `idle_c`, not that of manual mode. `program_left_s` above zero means that a
+    program is running, which denies manual operation; while `ready` is false, every request is answered with exception
+    4. All three, and `contacts`, may be assigned.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class SimulatedBinderMb2(ModbusRtuServer):
         self._chamber.run(not contacts & IDLE)
 
     def _manage_programs(self, command: int) -> None:
-        """Load, store or delete the program whose number and words stand in `PROGRAM`; status 0: done."""
+        """Load, store or delete the program whose number and words are in `PROGRAM`; status 0: done."""
         number = self._memory[PROGRAM.start + 1]
         command &= ~BUSY
         self._status = int(command == LOAD and number not in self._programs)
@@ -146,19 +146,19 @@ class SimulatedBinderMb2(ModbusRtuServer):
 
 
 class BinderRegisters(RegisterTable):
-    """The MB2's registers, while it is ready."""
+    """The MB2's registers, readable and writable while it is ready."""
 
     def __init__(self, twin: SimulatedBinderMb2, registers: list[Register], memory: dict[int, int]) -> None:
         self._twin = twin
         super().__init__(registers, memory=memory, read_only_refusal=twin.write_denied)
 
     def read(self, address: int, count: int) -> list[int]:
-        """`count` words from `address` on."""
+        """Return `count` words from `address` on."""
         self._be_ready()
         return super().read(address, count)
 
     def write(self, address: int, values: list[int]) -> None:
-        """Write whole quantities from `address` on."""
+        """Write complete quantities from `address` on."""
         self._be_ready()
         super().write(address, values)
 
@@ -168,7 +168,7 @@ class BinderRegisters(RegisterTable):
 
 
 def _cannot_be_read() -> float:
-    """No source reads the set points of manual mode, so here nobody can."""
+    """Refuse to read: no source reads the set points of manual mode."""
     raise ModbusRefusal(ILLEGAL_ADDRESS)
 
 

@@ -1,4 +1,4 @@
-"""The chamber of the simulated bench and the temperatures of the gyro in it, over time."""
+"""The chamber of the simulated bench and the temperatures of the gyro inside, over time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LONG_AGO_S = -100.0
 
 @dataclass(frozen=True, slots=True)
 class GyroTemperatures:
-    """Housing and coil [°C] and the time derivative of the coil's [°C/s], each of shape (n,)."""
+    """Housing and coil [°C] and the time derivative of the coil's temperature [°C/s], each of shape (n,)."""
 
     housing_c: FloatArray
     coil_c: FloatArray
@@ -34,7 +34,7 @@ class GyroTemperatures:
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """A command that acts from `start_s` on: the state right after it, and what becomes of that."""
+    """A command that acts from `start_s` on: the state after it, and the forecast from there."""
 
     start_s: float
     state: ChamberState
@@ -42,10 +42,10 @@ class _Change:
 
 
 class ClimateChamber:
-    """A `ChamberMachine`. Commands are acknowledged at once and act from the next whole second on.
+    """A `ChamberMachine`. Commands are acknowledged at once and take effect at the next full second.
 
-    Temperatures and their derivatives are exact at whole seconds and run straight in between, so that they do not
-    depend on who asks when. Where `coil_is_housing` the gyro's coil is as warm as its housing.
+    Temperatures and their derivatives are exact at full seconds and linear in between, so that they do not depend on
+    the times of queries. If `coil_is_housing`, the gyro's coil has the temperature of its housing.
     """
 
     def __init__(
@@ -56,34 +56,34 @@ class ClimateChamber:
         self._room_c = room_c
         self._coil_is_housing = coil_is_housing
         self._changes = [self._from(_LONG_AGO_S, settled(parameters, room_c))]
-        self._seconds: dict[float, ChamberState] = {}  # the latest whole seconds: each is asked for several times
+        self._seconds: dict[float, ChamberState] = {}  # the latest full seconds, each of which is used several times
 
     def air_c(self) -> float:
-        """Air temperature now."""
+        """Return the present air temperature."""
         return self._now().air_c
 
     def setpoint_c(self) -> float:
-        """The set point as last commanded."""
+        """Return the last commanded set point."""
         return self._changes[-1].state.setpoint_c
 
     def set_setpoint(self, setpoint_c: float) -> None:
-        """A new set point."""
+        """Set a new set point."""
         self._change(lambda state: replace(state, setpoint_c=setpoint_c))
 
     def power_percent(self) -> float:
-        """Heating (+) or cooling (-) power now, -100 to 100."""
+        """Return the present heating (+) or cooling (-) power, -100 to 100."""
         return power_percent(self._parameters, self._room_c, self._now())
 
     def running(self) -> bool:
-        """Whether it conditions, as last commanded."""
+        """Return whether conditioning was last commanded on."""
         return self._changes[-1].state.running
 
     def run(self, on: bool) -> None:
-        """Conditioning on or off."""
+        """Switch conditioning on or off."""
         self._change(lambda state: switched(state, on))
 
     def gyro(self, times_s: FloatArray) -> GyroTemperatures:
-        """The gyro's temperatures at instants of shape (n,), in increasing order."""
+        """Return the gyro's temperatures at instants of shape (n,), in increasing order."""
         with self._timebase.lock:
             first, last = math.floor(times_s[0]), math.ceil(times_s[-1])
             seconds = np.arange(first, max(last, first + 1) + 1, dtype=np.float64)
@@ -100,7 +100,7 @@ class ClimateChamber:
         return GyroTemperatures(housing_c, coil_c, rate)
 
     def air(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The air [°C] at instants, in increasing order, and the way of its set point: −1, 0 or 1; shape (n,) each."""
+        """Return the air [°C] and the direction of its set point, −1, 0 or 1, at increasing instants; shape (n,)."""
         with self._timebase.lock:
             seconds = np.arange(math.floor(times_s[0]), math.ceil(times_s[-1]) + 2, dtype=np.float64)
             states = self._states(seconds.tolist())
@@ -114,7 +114,7 @@ class ClimateChamber:
             return self._at(self._timebase.now())
 
     def _states(self, seconds: list[float]) -> list[ChamberState]:
-        """The states at whole seconds, which are kept for the next call."""
+        """Return the states at full seconds, which are cached for the next call."""
         known = self._seconds
         self._seconds = {second: known.get(second) or self._at(second) for second in seconds}
         return list(self._seconds.values())

@@ -1,7 +1,7 @@
-"""The simulated bench's time: a clock that jumps, one that runs at a multiple of wall time, and what its parts share.
+"""Time of the simulated bench: a virtual clock, a clock at a multiple of wall time, and the time base of all parts.
 
-Both clocks satisfy `interfaces.Clock`; they also let a simulated instrument wait for an instant of bench time. The
-parts of the bench share the clock, one lock, the internal grid and a horizon of memory.
+Both clocks implement `interfaces.Clock`; they also let a simulated instrument wait for an instant of bench time. The
+parts of the bench share the clock, one lock, the internal grid and the length of the history.
 """
 
 from __future__ import annotations
@@ -15,35 +15,35 @@ from benchctl_instruments.errors import UsageError
 
 
 class BenchClock(Protocol):
-    """`benchctl_instruments.interfaces.Clock` with something to wait on, for what runs beside the host's own thread."""
+    """A `benchctl_instruments.interfaces.Clock` on which other threads than the host's can wait."""
 
     def now(self) -> float:
-        """Seconds of bench time since the clock was made; never goes back."""
+        """Return the seconds of bench time since the clock was created; never decreases."""
 
     def sleep(self, seconds: float) -> None:
-        """Let that much bench time pass."""
+        """Wait for `seconds` of bench time."""
 
     @property
     def chunk_s(self) -> float:
-        """How much bench time may pass between two looks at the bench."""
+        """Longest bench time between two checks of the bench."""
 
     def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
-        """Block until an instant of bench time, at most `timeout_s` of wall time; whether it has come."""
+        """Block until an instant of bench time, at most `timeout_s` of wall time; return whether it was reached."""
 
 
 class VirtualClock:
-    """Bench time that passes only while somebody sleeps, and then at once; hours of soak cost nothing."""
+    """Bench time that advances only by `sleep`, and then at once; hours of soak cost no time."""
 
     def __init__(self) -> None:
         self._now_s = 0.0
         self._moved = threading.Condition()
 
     def now(self) -> float:
-        """Seconds of bench time."""
-        return self._now_s  # one number, so a reader beside a jump sees the time before it or after it
+        """Return the seconds of bench time."""
+        return self._now_s  # a single number: a concurrent reader gets the time before or after a jump
 
     def sleep(self, seconds: float) -> None:
-        """Jump ahead by `seconds` and wake whoever waits."""
+        """Advance by `seconds` and wake all waiting threads."""
         _refuse_the_past(seconds)
         with self._moved:
             self._now_s += seconds
@@ -51,17 +51,17 @@ class VirtualClock:
 
     @property
     def chunk_s(self) -> float:
-        """Seconds of bench time between two looks at the bench."""
+        """Longest bench time [s] between two checks of the bench."""
         return 5.0
 
     def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
-        """Block until some other thread's sleep has reached the instant, at most `timeout_s` of wall time."""
+        """Block until another thread's sleep has reached the instant, at most `timeout_s` of wall time."""
         with self._moved:
             return self._moved.wait_for(lambda: self._now_s >= bench_time_s, timeout_s)
 
 
 class ScaledClock:
-    """Bench time that runs `factor` times as fast as the wall's."""
+    """Bench time that runs `factor` times as fast as wall time."""
 
     def __init__(self, factor: float = 1.0) -> None:
         if not 0.0 < factor < float("inf"):
@@ -70,17 +70,17 @@ class ScaledClock:
         self._start_s = time.monotonic()
 
     def now(self) -> float:
-        """Seconds of bench time."""
+        """Return the seconds of bench time."""
         return (time.monotonic() - self._start_s) * self._factor
 
     def sleep(self, seconds: float) -> None:
-        """Wait for `seconds` of bench time, `seconds / factor` by the wall."""
+        """Wait for `seconds` of bench time, `seconds / factor` of wall time."""
         _refuse_the_past(seconds)
         time.sleep(seconds / self._factor)
 
     @property
     def chunk_s(self) -> float:
-        """Seconds of bench time between two looks at the bench: half a second by the wall."""
+        """Longest bench time [s] between two checks of the bench: half a second of wall time."""
         return 0.5 * self._factor
 
     def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
@@ -100,15 +100,15 @@ def _refuse_the_past(seconds: float) -> None:
 
 
 MARGIN_S = 60.0
-"""How much more than is asked for is remembered: what the gyro's electronics need, and callers that are late."""
+"""Length of the history before the held instant: for the gyro's electronics, and for late callers."""
 
 
 class Timebase:
-    """Bench time on a grid of `grid_hz`; sample k of the grid lies at k / grid_hz.
+    """Bench time on a grid of `grid_hz`; sample k of the grid is at k / grid_hz.
 
-    Demands take effect at the next instant of the grid, so that nothing which was already computed up to there changes.
-    Whoever reads or changes the bench holds `lock`. `reach_s` is how much further back than `MARGIN_S` the terminals
-    may have to look.
+    Demands take effect at the next instant of the grid, so that results computed up to there remain valid. Hold `lock`
+    while reading or changing the bench. `reach_s` is the time before `MARGIN_S` that the terminals may additionally
+    need.
     """
 
     def __init__(self, clock: BenchClock, grid_hz: float) -> None:
@@ -120,22 +120,22 @@ class Timebase:
         self._beside: list[Timebase] = []
 
     def now(self) -> float:
-        """Bench time [s]."""
+        """Return the bench time [s]."""
         return self.clock.now()
 
     def next_instant(self) -> float:
-        """The first instant of the grid that is not past [s]."""
+        """Return the first instant of the grid that is not in the past [s]."""
         return math.ceil(self.now() * self.grid_hz) / self.grid_hz
 
     def beside(self) -> Timebase:
-        """The same time for a second reader, who holds and looks back by itself."""
+        """Return a time base with the same clock for a second reader, which holds its own history."""
         other = Timebase(self.clock, self.grid_hz)
         other.lock = self.lock
         self._beside.append(other)
         return other
 
     def forgettable_s(self) -> float:
-        """Nobody will ask for anything before this instant [s]."""
+        """Return the instant [s] before which no history is needed."""
         now = self.now()
         held = now if self.held_since_s is None else min(self.held_since_s, now)
         return min([held - MARGIN_S - self.reach_s, *(other.forgettable_s() for other in self._beside)])

@@ -1,7 +1,7 @@
 """A simulated chamber with a CSZ EZT-430i controller: its registers over a chamber machine, served as Modbus RTU.
 
 Registers: EZT-430i Communications Manual, revision C, pages 4.8 to 5.7. Its second loop has no machine, and a program
-is stored but not run. Function 16 is acknowledged and carried out for programs alone, as on a real one.
+is stored but not run. Function 16 is acknowledged but executed for programs only, as on a real one.
 """
 
 from __future__ import annotations
@@ -44,22 +44,22 @@ CONSTANTS = {
 
 
 class SimulatedCszEzt430i(ModbusRtuServer):
-    """A CSZ EZT-430i on a simulated line, from `start()` to `stop()` or in a `with`; a driver takes its `address`.
+    """A CSZ EZT-430i on a simulated line, from `start()` to `stop()` or in a `with`; a driver uses its `address`.
 
     Parameters
     ----------
     chamber
-        What it controls.
+        The chamber machine.
     decimals
-        Digits behind the implied decimal point, 0 to 3.
+        Digits after the implied decimal point, 0 to 3.
     on_event
         The system event wired to conditioning, 1 to 6.
     unit_id, pace_baud, over_tcp
         See `ModbusRtuServer`.
 
     Air above 190 °C latches its input alarm (register 5), until register 1 resets it with the air back below. `busy`
-    (register 0), `events` (12), `manual_override` (9), `program` (15) and `loop_error` (39) may be set by hand; while
-    it is busy no write is carried out, which is assumed. `reserved_writes` counts what was written to register 11.
+    (register 0), `events` (12), `manual_override` (9), `program` (15) and `loop_error` (39) may be assigned; while it
+    is busy no write is executed, which is an assumption. `reserved_writes` counts the writes to register 11.
     """
 
     def __init__(

@@ -1,12 +1,12 @@
-"""A digital gyro on the simulated bench: the bench's analog gyro with a converter of its own, which sends samples.
+"""A digital gyro on the simulated bench: an analog gyro with its own converter, which sends samples.
 
     rate = (U - U0) / K0,    temperature = (thermistor volts - offset) / slope
 
-so its rate is that of the simulated sensor, with all its physics and noise, scaled as it leaves the factory at T0 and
-rounded as its frames demand. What this leaves out: compensation inside the gyro, so it errs as an analog one does; axes
-across the table's; filters of its own; a clock of its own, its rate is exact. On a whole bench it is a second gyro of
-the same make beside the analog one (`World.second_gyro`): both turn with one table and warm up in one chamber, and each
-has its own noise.
+so its rate is that of the simulated sensor, with all its physics and noise, scaled with the factory values at T0 and
+rounded for its frames. Not modelled: compensation inside the gyro, so it has the errors of an analog one; axes
+perpendicular to the table's; its own filters; its own clock, its rate is exact. On a complete bench it is a second gyro
+of the same make in addition to the analog one (`World.second_gyro`): both turn with one table and warm up in one
+chamber, and each has its own noise.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from benchctl_instruments.simulated.tcp_server import Startable
 
 AXES = ("x", "y", "z")
 BITS_PER_BYTE = 10  # 8N1
-LARGEST_BATCH = 4096  # frames that are made at once
-ROUNDING = 1e-6  # of a sample interval: how long after its instant a frame counts as due
+LARGEST_BATCH = 4096  # frames that are created at once
+ROUNDING = 1e-6  # in sample intervals: the delay after its instant at which a frame counts as due
 
 
 class DigitalGyro(Startable, ABC):
     """A gyro at `address` that sends frames, from `start()` to `stop()`, or in a `with`.
 
-    A frame is due when a line of `baud` would have carried its last byte. Its instants are even on the bench's clock;
-    what is late is sent late, and what the line does not take is lost.
+    A frame is due when a line of `baud` would have carried its last byte. Its instants are equidistant on the bench's
+    clock; late frames are sent late, and frames that the line does not accept are lost.
 
     Parameters
     ----------
     inputs
-        What the sensor puts out.
+        The sensor's output.
     settings
-        The bench that `inputs` belong to.
+        The settings of the bench of `inputs`.
     baud
         The line's speed.
     over_tcp
@@ -49,9 +49,9 @@ class DigitalGyro(Startable, ABC):
     Attributes
     ----------
     line
-        What the frames go out on; it counts what it dropped, and can be disturbed.
+        The line that carries the frames; it counts dropped frames, and can be disturbed.
     sent
-        How many frames were made.
+        Number of frames created.
     """
 
     frame_bytes: int
@@ -66,12 +66,12 @@ class DigitalGyro(Startable, ABC):
         self._rate_hz = math.nan
         self._made = 0  # in this stream
         self.sent = 0
-        self._batch_s: FloatArray = np.empty(0)  # the instants of the frames that were made last
+        self._batch_s: FloatArray = np.empty(0)  # the instants of the latest frames
         self.line = PushLine(self, baud=baud, over_tcp=over_tcp)
 
     @property
     def address(self) -> str:
-        """Where it is, known once it is started."""
+        """Its address, known after `start`."""
         return self.line.address
 
     def start(self) -> None:
@@ -85,23 +85,23 @@ class DigitalGyro(Startable, ABC):
 
     @abstractmethod
     def feed(self, data: bytes) -> bytes:
-        """Take what the host said, and answer what is complete."""
+        """Process received bytes, and return the answers to complete commands."""
 
     @property
     def batch_s(self) -> FloatArray:
-        """Bench times [s] at which the frames that `due` gave last were sampled, shape (n,)."""
+        """Bench times [s] at which the latest frames of `due` were sampled, shape (n,)."""
         return self._batch_s
 
     @abstractmethod
     def _skip(self, frames: int) -> None:
-        """Count frames that are not made."""
+        """Count frames that are not created."""
 
     @abstractmethod
     def _frames(self, rate_dps: FloatArray, temperature_c: FloatArray) -> bytes:
-        """Frames of samples, each of shape (n,), about the table's axis."""
+        """Return frames for samples, each of shape (n,), about the table's axis."""
 
     def due(self) -> bytes:
-        """The frames that should have left by now, at most a batch."""
+        """Return the frames that are due, at most a batch."""
         samples = min(self._late, LARGEST_BATCH)
         if samples < 1:
             return b""
@@ -116,14 +116,14 @@ class DigitalGyro(Startable, ABC):
         )
 
     def lose(self) -> None:
-        """Nobody listens: what is late by now is lost as well, and never made."""
+        """Discard all frames that are due while no client is connected."""
         if (late := self._late) > 0:
             self._skip(late)
             self._made += late
             self._inputs.hold_history(self._first_s + self._made / self._rate_hz)
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for the next frame; at once false while no stream runs."""
+        """Wait for the next frame; return False at once while no stream runs."""
         if math.isnan(self._first_s):
             return False
         next_s = self._first_s + (self._made + 2.0 * ROUNDING) / self._rate_hz + self._wire_s
@@ -132,7 +132,7 @@ class DigitalGyro(Startable, ABC):
 
     @property
     def _late(self) -> int:
-        """How many frames should have left by now and are not made."""
+        """Number of frames that are due and not created yet."""
         if math.isnan(self._first_s):
             return 0
         late_s = self._inputs.now() - self._first_s - self._wire_s
@@ -160,14 +160,14 @@ class DigitalGyro(Startable, ABC):
 
 
 def axis_index(axis: str) -> int:
-    """The place of "x", "y" or "z" among a gyro's axes."""
+    """Return the index of "x", "y" or "z" among a gyro's axes."""
     if axis not in AXES:
         raise UsageError(f"axis {axis!r}: a simulated gyro has x, y and z")
     return AXES.index(axis)
 
 
 def on_axis(values: FloatArray, axis: int) -> FloatArray:
-    """Three axes, shape (n, 3), of which only one turns."""
+    """Return three axes, shape (n, 3), of which only one turns."""
     three = np.zeros((values.size, 3))
     three[:, axis] = values
     return three

@@ -1,4 +1,4 @@
-"""The instruments' interfaces straight over the simulated world: the same bench without its wires."""
+"""The instruments' interfaces directly on the simulated world: the same bench without links."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ _PERIODS_OF_GROWTH = 2.0
 
 
 class _Direct(Instrument):
-    """What has no link to open."""
+    """An instrument without a link."""
 
     _model: str
 
     def open(self) -> None:
-        """Nothing to connect."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing."""
 
     def identify(self) -> Identity:
-        """The simulated instrument's name."""
+        """Return the simulated instrument's name."""
         return Identity(manufacturer="benchctl", model=self._model)
 
 
@@ -52,28 +52,28 @@ class DirectRateTable(_Direct):
         self._enabled = False
 
     def set_limits(self, limits: TableLimits) -> None:
-        """New limits, for motions from now on."""
+        """Set the limits for later motions."""
         self._table.set_limits(limits.rate_dps, limits.acceleration_dps2)
 
     def enable(self) -> None:
-        """Servo on, holding still."""
+        """Switch the servo on and hold still."""
         self._table.close_loop()
         self._enabled = True
 
     def disable(self) -> None:
-        """Servo off; refused while the table moves."""
+        """Switch the servo off; refused while the table moves."""
         if _moves(self._table.motion()):
             raise InstrumentError("the rate table was to be disabled while it moves; stop it first")
         self._table.open_loop()
         self._enabled = False
 
     def go_to_rate(self, rate_dps: float) -> None:
-        """Turn at a constant rate."""
+        """Start to turn at a constant rate."""
         self._refuse_beyond(abs(rate_dps), "a rate", self._table.limits()[0], "deg/s")
         self._table.demand_rate(rate_dps)
 
     def go_to_angle(self, angle_deg: float) -> None:
-        """Turn to an angle, the short way round, and hold it."""
+        """Start to turn to an angle by the shorter way, and hold it."""
         self._refuse_disabled()
         if not math.isfinite(angle_deg):
             raise UsageError(f"an angle of {angle_deg} deg; give a finite one")
@@ -81,7 +81,7 @@ class DirectRateTable(_Direct):
         self._table.demand_angle(here_deg + math.remainder(angle_deg - here_deg, 360.0))
 
     def oscillate(self, amplitude_dps: float, frequency_hz: float) -> None:
-        """Oscillate about the present angle; the amplitude is reached within two periods where the limits allow it."""
+        """Start to oscillate about the present angle; full amplitude after two periods if the limits permit it."""
         if not (amplitude_dps > 0.0 and frequency_hz > 0.0):
             raise UsageError(f"an oscillation of {amplitude_dps} deg/s at {frequency_hz} Hz; give both above 0")
         rate_limit_dps, acceleration_limit_dps2 = self._table.limits()
@@ -92,11 +92,11 @@ class DirectRateTable(_Direct):
         self._table.demand_sine(amplitude_deg, frequency_hz, 0.0, amplitude_deg * frequency_hz / _PERIODS_OF_GROWTH)
 
     def stop(self) -> None:
-        """A controlled stop."""
+        """Start a controlled stop."""
         self._table.demand_rate(0.0)
 
     def read(self) -> TableReading:
-        """The true motion now, the angle in [0, 360)."""
+        """Return the present true motion, the angle in [0, 360)."""
         motion = self._table.motion()
         return TableReading(
             angle_deg=motion.angle_deg % 360.0,
@@ -105,7 +105,7 @@ class DirectRateTable(_Direct):
         )
 
     def state(self) -> TableState:
-        """Moving as long as there is rate or acceleration to speak of, so that the turning points of a sine count."""
+        """Return MOVING while rate or acceleration is significant, which includes the turning points of a sine."""
         if not self._enabled:
             return TableState.DISABLED
         return TableState.MOVING if _moves(self._table.motion()) else TableState.AT_REST
@@ -116,7 +116,7 @@ class DirectRateTable(_Direct):
 
     def _refuse_beyond(self, value: float, what: str, limit: float, unit: str) -> None:
         self._refuse_disabled()
-        if not value <= limit:  # nor what is no number
+        if not value <= limit:  # also refuses NaN
             raise InstrumentError(
                 f"the rate table was asked for {what} of {value:g} {unit}, its limit is {limit:g} {unit}"
             )
@@ -132,21 +132,21 @@ class DirectChamber(_Direct):
         self._low_c, self._high_c = -math.inf, math.inf
 
     def set_limits(self, low_c: float, high_c: float) -> None:
-        """Set point limits."""
+        """Set the set point limits."""
         if not low_c < high_c:
             raise UsageError(f"set point limits of {low_c} to {high_c} °C; give the lower one first")
         self._low_c, self._high_c = low_c, high_c
 
     def start(self) -> None:
-        """Conditioning on."""
+        """Switch conditioning on."""
         self._chamber.run(True)
 
     def stop(self) -> None:
-        """Conditioning off."""
+        """Switch conditioning off."""
         self._chamber.run(False)
 
     def go_to(self, setpoint_c: float) -> None:
-        """A new set point."""
+        """Set a new set point."""
         if not self._low_c <= setpoint_c <= self._high_c:
             raise InstrumentError(
                 f"the chamber was asked for {setpoint_c} °C, its limits are {self._low_c} to {self._high_c} °C"
@@ -154,7 +154,7 @@ class DirectChamber(_Direct):
         self._chamber.set_setpoint(setpoint_c)
 
     def read(self) -> ChamberReading:
-        """Air, set point and power now; it has no alarms."""
+        """Return the present air temperature, set point and power; it has no alarms."""
         return ChamberReading(
             temperature_c=self._chamber.air_c(),
             setpoint_c=self._chamber.setpoint_c(),
@@ -163,7 +163,7 @@ class DirectChamber(_Direct):
 
 
 class DirectDigitizer(_Direct):
-    """A `Digitizer` over `World.inputs`; volts pass through a converter of 16 bits over ±`adc_range_v`."""
+    """A `Digitizer` over `World.inputs`; volts pass through a 16-bit converter over ±`adc_range_v`."""
 
     _model = "simulated digitizer"
 
@@ -175,15 +175,15 @@ class DirectDigitizer(_Direct):
         self._scanned = 0
 
     def open(self) -> None:
-        """The counter of `StreamStart.start_s` begins."""
+        """Start the counter of `StreamStart.start_s`."""
         self._opened_s = self._inputs.now()
 
     def close(self) -> None:
-        """End the stream."""
+        """Stop the stream."""
         self.stop_stream()
 
     def read_once(self) -> SingleScan:
-        """One reading of each input now."""
+        """Return one reading of each input."""
         if self._stream is not None:
             raise UsageError("a single reading was asked for while the stream runs; stop it first")
         counts, gyro_v, thermistor_v = self._inputs.sample(self._inputs.now(), SINGLE_READING_S, 1)
@@ -194,7 +194,7 @@ class DirectDigitizer(_Direct):
         )
 
     def start_stream(self, rate_hz: float) -> StreamStart:
-        """Scan from now on."""
+        """Start to scan."""
         if self._stream is not None:
             raise UsageError("a stream was to start while another runs; stop it first")
         if not 0.0 < rate_hz < math.inf:
@@ -206,7 +206,7 @@ class DirectDigitizer(_Direct):
         return self._stream
 
     def read_stream(self, scans: int, timeout_s: float) -> ScanBlock:
-        """All scans that are due, at least `scans`, and at least one."""
+        """Return all scans that are due, at least `scans`, and at least one."""
         if self._stream is None:
             raise UsageError("scans were asked for while no stream runs; start one first")
         scans = max(scans, 1)
@@ -228,7 +228,7 @@ class DirectDigitizer(_Direct):
         return block
 
     def stop_stream(self) -> None:
-        """Stop; what was not read is discarded."""
+        """Stop the stream and discard unread scans."""
         self._stream = None
         self._inputs.hold_history(None)
 

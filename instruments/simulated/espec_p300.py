@@ -1,11 +1,11 @@
-"""A simulated chamber with an ESPEC P-300 controller, on the wire. It shares only the command language with the driver.
+"""A simulated chamber with an ESPEC P-300 controller. It shares only the command language with the driver.
 
-How it decides where no source says how the real one does: while a program runs, or the panel is off, settings are
-refused with CHB NOT READY, except that MODE,STANDBY and MODE,OFF end a program and POWER,ON switches the panel on.
-Alarms that would leave the set point outside are refused, and so are alarms beyond the chamber's own range. Air found
-beyond an alarm while the chamber conditions is latched under a code of our own, and conditioning goes on. There is no
-control of humidity or of a product's temperature, no timer, and no program but the one that is started by hand at the
-panel; the date and the time are those that were set and stand still.
+Behaviour chosen without a source: while a program runs, or the panel is off, settings are refused with CHB NOT READY,
+except that MODE,STANDBY and MODE,OFF end a program and POWER,ON switches the panel on. Alarms that would exclude the
+set point are refused, and so are alarms beyond the chamber's own range. Air beyond an alarm while the chamber
+conditions latches an alarm with our own code, and conditioning continues. There is no control of humidity or of a
+product's temperature, no timer, and no program except the one that is started manually at the panel; the date and the
+time are constant at the last values set.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from benchctl_instruments.simulated.tcp_server import TcpServer
 
 BAUD = 9600
 LOWEST_C, HIGHEST_C = -75.0, 180.0
-BEYOND_HIGH, BEYOND_LOW = 1, 2  # codes of our own: the real ones have no public list
+BEYOND_HIGH, BEYOND_LOW = 1, 2  # our own codes: there is no public list of the real ones
 RELAYS = 12
 PAUSED = " PAUSE"
 ROM = "P300 SIMULATED 1.00"
-SETTINGS = {  # what is only stored: its form in a command, and what stands there at first
+SETTINGS = {  # values that are only stored: their form in a command, and their initial value
     "DATE": (r"(\d{1,2}\.\d{1,2}/\d{1,2})\. ?[A-Z]{3}", "26.1/1"),
     "TIME": (r"(\d{1,2}:\d{1,2}:\d{1,2})", "12:0:0"),
     "MASK": ("([01]{8})", "00000000"),
@@ -36,7 +36,7 @@ SETTINGS = {  # what is only stored: its form in a command, and what stands ther
     "SET": ("(REF[01369])", "REF9"),
 }
 REFRIGERATION = {"REF0": "OFF", "REF1": "20", "REF3": "50", "REF6": "100", "REF9": "AUTO"}
-ALWAYS = {  # queries with an answer that never changes
+ALWAYS = {  # queries with a constant answer
     "ROM": ROM,
     "ROM,DISP": ROM,
     "TYPE": f"T,P300,{HIGHEST_C}",
@@ -45,7 +45,7 @@ ALWAYS = {  # queries with an answer that never changes
     "PRGM USE,RAM": "0",
     "SYSTEM SET,PTCOPT": "OFF",
 }
-REFUSED = {  # commands and queries of a real one for what this one does not have
+REFUSED = {  # commands and queries of a real one for functions that are not simulated
     **dict.fromkeys(("HUMI", "MON PTC", "TEMP PTC", "SET PTC", "PTC", "PRGM DATA PTC"), "CONT NOT READY-1"),
     **dict.fromkeys(("CONSTANT SET,HUMI", "CONSTANT SET,PTC"), "CONT NOT READY-1"),
     **dict.fromkeys(("RUN PRGM", "RUN PRGM MON"), "CONT NOT READY-3"),
@@ -57,20 +57,20 @@ REFUSED = {  # commands and queries of a real one for what this one does not hav
 
 
 class RefusedError(Exception):
-    """What goes behind the NA."""
+    """The text after the NA."""
 
 
 class P300Controller:
-    """The controller's states over a `ChamberMachine`, without I/O; safe to call from any thread.
+    """The controller's states over a `ChamberMachine`, without I/O. Thread-safe.
 
     Parameters
     ----------
     chamber
-        What it controls.
+        The chamber machine.
     rs485_address
         Its number on RS-485, where it answers only lines that begin with it; None: it is not on RS-485.
 
-    `protected` is a switch at its panel.
+    `protected` is a switch on its panel.
     """
 
     def __init__(self, chamber: ChamberMachine, *, rs485_address: int | None = None) -> None:
@@ -112,22 +112,22 @@ class P300Controller:
         }
 
     def run_program(self, mode: str = p300.RUN) -> None:
-        """Start a program by hand, at the panel; `mode` is one of `DETAILED_MODES` with RUN in it."""
+        """Start a program, as at the panel; `mode` is one of `DETAILED_MODES` with RUN in it."""
         with self._lock:
             self._enter(mode)
 
     def raise_alarm(self, code: int) -> None:
-        """An alarm of the chamber's own, latched."""
+        """Latch an alarm of the chamber itself."""
         with self._lock:
             self._latch(code)
 
     def clear_alarms(self) -> None:
-        """Clear all alarms by hand, at the panel; those whose reason lasts come back."""
+        """Clear all alarms, as at the panel; those whose cause persists come back."""
         with self._lock:
             self._alarms.clear()
 
     def execute(self, line: str) -> str | None:
-        """Obey one line; the line that answers it, None where it is for another chamber on the bus."""
+        """Execute one line; return the answer, or None if the line is for another chamber on the bus."""
         request = p300.parse_request(line)
         if self._rs485_address is not None and request.address != self._rs485_address:
             return None
@@ -224,7 +224,7 @@ class P300Controller:
                 raise RefusedError("PARA ERR")
 
     def _of_program(self, text: str) -> str:
-        """The text where a program runs; else a refusal."""
+        """Return the text if a program is running; otherwise refuse."""
         if p300.RUN not in self._mode:
             raise RefusedError("CONT NOT READY-2")
         return text
@@ -266,24 +266,24 @@ class P300Controller:
 
 
 class SimulatedEspecP300(Served):
-    """A chamber with a P-300 at `tcp://host:port`, or on a serial line; a driver takes its `address`.
+    """A chamber with a P-300 at `tcp://host:port`, or on a serial line; a driver uses its `address`.
 
     Both carry the same lines.
 
     Parameters
     ----------
     chamber
-        What it controls.
+        The chamber machine.
     rs485_address
         Its number on RS-485; None: it is not on RS-485.
     over_tcp
-        Whether at a serial-to-Ethernet box; else on a serial line at 9600 baud, see `SerialLine`.
+        Serve at a serial-to-Ethernet box; otherwise on a serial line at 9600 baud, see `SerialLine`.
     host, port
-        Where to listen, `over_tcp`; several clients may talk to it at once.
+        Where to listen, `over_tcp`; several clients may use it at once.
     pace_baud
-        Bytes move as a line at this speed would let them; None: at once.
+        Simulated speed of the line; None: no delay.
 
-    `controller` is for what a hand does at the panel.
+    `controller` provides the manual actions at the panel.
     """
 
     wire: Wire = Lines(refusal_line=encode_line("NA:CHB NOT READY"))
@@ -310,10 +310,10 @@ class SimulatedEspecP300(Served):
 
 
 class _Conversation(LineConversation):
-    """A line ends with CR, LF or both, as terminals send it; one for another chamber is not answered."""
+    """A line ends with CR, LF or both, as terminals send it; a line for another chamber is not answered."""
 
     def __init__(self, execute: Callable[[str], str | None]) -> None:
-        super().__init__(lambda line: b"" if (said := execute(line)) is None else encode_line(said), LineCutter())
+        super().__init__(lambda line: b"" if (answer := execute(line)) is None else encode_line(answer), LineCutter())
 
     def feed(self, data: bytes) -> bytes:
         return super().feed(data.replace(b"\r", b"\n"))

@@ -1,8 +1,8 @@
-"""What the simulated Eurotherm controllers have in common: parameters at two addresses over a chamber machine.
+"""The common part of the simulated Eurotherm controllers: parameters at two addresses over a chamber machine.
 
-A parameter a answers as a scaled whole number at a and as a single at 2a + 32768, high word first. The set points lie
-in an EEPROM, and every write to one is counted, changed or not. Manual mode alone freezes the output as it is: the
-chamber goes on until an output of zero is written.
+A parameter a is a scaled integer at a and a single at 2a + 32768, high word first. The set points are stored in an
+EEPROM, and every write to one is counted, changed or not. Manual mode alone freezes the output: the chamber continues
+until an output of zero is written.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from benchctl_instruments.simulated.modbus_server import (
 )
 
 AUTO, MANUAL = 0, 1
-UPSCALE_C = 1372.0  # what it shows without a sensor
+UPSCALE_C = 1372.0  # reading without a sensor
 PROGRAM_RESET = 1
 
 
@@ -35,24 +35,25 @@ class SimulatedEurotherm(ModbusRtuServer):
     Parameters
     ----------
     chamber
-        What it controls.
+        The chamber machine.
     decimals
-        Digits behind the implied decimal point of the whole numbers, 0 to 2.
+        Digits after the implied decimal point of the integers, 0 to 2.
     unit_id
         Its Modbus address.
     pace_baud, over_tcp
         See `ModbusRtuServer`.
 
-    `program` (parameter 23), `sensor_broken` and the alarm bits `alarms` may be set by hand; `eeprom_writes` counts.
+    `program` (parameter 23), `sensor_broken` and the alarm bits `alarms` may be assigned; `eeprom_writes` counts
+    writes.
     """
 
     PROCESS_VALUES: ClassVar[tuple[int, ...]]
     OUTPUT: ClassVar[int]
     MANUAL_OUTPUT: ClassVar[int]
     KEPT: ClassVar[Mapping[int, float]]
-    """Parameters that keep what is written to them, with the controller's decimals."""
+    """Parameters that store written values, with the controller's decimals."""
     KEPT_WHOLE: ClassVar[Mapping[int, float]]
-    """The same without decimals."""
+    """Parameters that store written values, without decimals."""
 
     def __init__(
         self,
@@ -106,9 +107,9 @@ class SimulatedEurotherm(ModbusRtuServer):
         *,
         decimals: int | None = None,
     ) -> tuple[Register, Register]:
-        """Both addresses of a parameter."""
-        whole = scaled(number, get, put, decimals=self._decimals if decimals is None else decimals)
-        return whole, f32(2 * number + 0x8000, get, put)
+        """Return the registers of both addresses of a parameter."""
+        integer = scaled(number, get, put, decimals=self._decimals if decimals is None else decimals)
+        return integer, f32(2 * number + 0x8000, get, put)
 
     def _kept(self, number: int, decimals: int | None) -> tuple[Register, Register]:
         def put(value: float) -> None:

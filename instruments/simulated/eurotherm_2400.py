@@ -11,14 +11,14 @@ from benchctl_instruments.simulated.eurotherm import SimulatedEurotherm
 from benchctl_instruments.simulated.modbus_server import Register, word
 
 SENSOR_BROKEN = 5  # bit of the status word
-PROGRAM_STATES = (1, 2, 4, 8, 16)  # reset, runs, held, holdback, ended
+PROGRAM_STATES = (1, 2, 4, 8, 16)  # reset, running, held, holdback, ended
 
 
 class SimulatedEurotherm2400(SimulatedEurotherm):
-    """A Eurotherm 2400, from `start()` to `stop()` or in a `with`; a driver takes its `address`.
+    """A Eurotherm 2400, from `start()` to `stop()` or in a `with`; a driver uses its `address`.
 
-    It has a register for the sensor break by itself (258), takes the output of manual mode at parameter 3, and has two
-    set points and one program of 16 segments, which stays where it is. See `SimulatedEurotherm` for the keywords.
+    It has a register for the sensor break (258), takes the output of manual mode at parameter 3, and has two set points
+    and one program of 16 segments, which does not advance. See `SimulatedEurotherm` for the keywords.
     """
 
     PROCESS_VALUES = (1, 289)

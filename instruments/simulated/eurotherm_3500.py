@@ -12,7 +12,7 @@ from benchctl_instruments.simulated.modbus_server import Register, word
 
 
 class SimulatedEurotherm3500(SimulatedEurotherm):
-    """A Eurotherm 3508, from `start()` to `stop()` or in a `with`; a driver takes its `address`.
+    """A Eurotherm 3508, from `start()` to `stop()` or in a `with`; a driver uses its `address`.
 
     It takes the output of manual mode at parameter 276. Its second loop and its modules 3, 4 and 6 are not wired. See
     `SimulatedEurotherm` for the keywords.

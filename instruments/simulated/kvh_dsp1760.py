@@ -1,4 +1,4 @@
-"""A simulated KVH DSP-1760 on the wire. It shares only the protocol with the driver."""
+"""A simulated KVH DSP-1760. It shares only the protocol with the driver."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchctl_instruments.simulated.digital_gyro import DigitalGyro, axis_index,
 from benchctl_instruments.simulated.machines import AnalogInputs
 from benchctl_instruments.simulated.settings import WorldSettings
 
-SETTINGS = {  # what each may be, a pattern, and what it is as delivered
+SETTINGS = {  # a pattern of the permitted values, and the value as delivered
     "config": ("[01]", "0"),
     "dr": ("|".join(map(str, kvh.RATES_HZ)), "1000"),
     "rotfmt": ("rate|delta|reset", "delta"),
@@ -25,26 +25,26 @@ SETTINGS = {  # what each may be, a pattern, and what it is as delivered
     "filttype": ("g,(cheby|butter|ave)", "g,cheby"),
     "msync": ("imu|ext", "imu"),
 }
-"""Those of public clients (avl_core kvh_imu.h, ros_kvh1750, LSST M1M3). Of these axes, baud, filter and synchronisation
-are kept and have no effect."""
+"""The settings of public clients (avl_core kvh_imu.h, ros_kvh1750, LSST M1M3). Of these axes, baud, filter and
+synchronisation are stored and have no effect."""
 
 
 class SimulatedKvhDsp1760(DigitalGyro):
-    """A DSP-1760 with one axis along the table's; as delivered it sends angles in radians, 1000 a second.
+    """A DSP-1760 with one axis along the table's; as delivered it sends angles in radians, 1000 per second.
 
-    In `config,1` it changes and states its settings (`SETTINGS`) and answers INVALID to all else, also to a data rate
-    that its line cannot carry; outside of it there is no answer. It has no built-in test (`?BIT`).
+    In `config,1` it changes and reports its settings (`SETTINGS`) and answers INVALID to everything else, also to a
+    data rate that its line cannot carry; outside `config,1` it does not answer. It has no built-in test (`?BIT`).
 
     Parameters
     ----------
     inputs, settings
-        The bench: as of `DigitalGyro`.
+        The bench: as for `DigitalGyro`.
     rate_hz
-        The data rate as delivered; the driver may ask for another one.
+        The data rate as delivered; the driver may change it.
     echoes_exit
-        Whether `=config,0` is echoed before the first frame; the public sources do not agree.
+        Whether `=config,0` is echoed before the first frame; the public sources differ.
     axis
-        "x", "y" or "z": the one that turns.
+        "x", "y" or "z": the axis that turns.
     baud
         The line's speed.
     over_tcp
@@ -53,7 +53,7 @@ class SimulatedKvhDsp1760(DigitalGyro):
     Attributes
     ----------
     status
-        What every frame states; to be set by hand.
+        The status of every frame; may be assigned.
     """
 
     frame_bytes = kvh.FORMAT.length
@@ -87,10 +87,10 @@ class SimulatedKvhDsp1760(DigitalGyro):
         super().start()
 
     def feed(self, data: bytes) -> bytes:
-        """Carry out the commands."""
+        """Execute the commands."""
         return b"".join(self._answer(command) for command in self._heard.feed(data))
 
-    def _answer(self, command: kvh.Command) -> bytes:
+    def _answer(self, command: kvh.Kvh1760Command) -> bytes:
         name, value = command.name, command.value
         if self._settings["config"] != "1" and (command.sign, name) != ("=", "config"):
             return b""

@@ -1,12 +1,13 @@
-"""A simulated LabJack T7: its registers on Modbus TCP and its spontaneous stream on a socket of its own.
+"""A simulated LabJack T7: its registers on Modbus TCP and its spontaneous stream on a separate socket.
 
-Its registers are LabJack's: inputs, DIO_EF and stream act, `t7_register_map` lists the others. Beside the functions of
-Modbus it knows Modbus Feedback (76), which LabJack's library and async_labjack use. An unknown register is refused with
-the exception "illegal data address". It is stricter than the T7 in one way: while a stream runs, inputs
-are not read singly, and neither they nor the stream can be configured; that is refused with error 2605.
+Its registers are LabJack's: inputs, DIO_EF and stream have effects, `t7_register_map` lists the others. In addition to
+the functions of Modbus it supports Modbus Feedback (76), which LabJack's library and async_labjack use. An unknown
+register is refused with the exception "illegal data address". It is stricter than the T7 in one way: while a stream
+runs, inputs cannot be read singly, and neither they nor the stream can be configured; such requests are refused with
+error 2605.
 
-The scan interval is a whole number of steps of 100 ns, 65536 at most; a longer one takes steps of 200 ns, 400 ns, ...
-That the steps double is assumed from the T7's timers; LabJack states no more than "rounding".
+The scan interval is a multiple of 100 ns, at most 65536 steps; a longer one takes steps of 200 ns, 400 ns, ... That the
+steps double is an assumption based on the T7's timers; LabJack only states "rounding".
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusRefusal
 from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES
 from benchctl_instruments.simulated import t7_register_map as labjack
-from benchctl_instruments.simulated.faults.schedule import Faults
+from benchctl_instruments.simulated.faults.schedule import PendingFaults
 from benchctl_instruments.simulated.faults.stream_faults import StreamFault
 from benchctl_instruments.simulated.faults.wires import MODBUS_TCP, Wire
 from benchctl_instruments.simulated.machines import AnalogInputs
@@ -35,7 +36,7 @@ Number = TypeVar("Number", int, float)
 
 CORE_HZ = 40_000_000
 SCAN_CLOCK_HZ, LONGEST_COUNT = 10_000_000, 1 << 16
-CORE_AT_START = 0xF000_0000  # it has been on for a while, and wraps soon
+CORE_AT_START = 0xF000_0000  # not zero: it has been on for a while, and wraps soon
 DEFAULT_BUFFER_BYTES, LARGEST_BUFFER_BYTES = 4096, 32768
 ETHERNET = 1
 FEEDBACK, FEEDBACK_FRAME = 76, struct.Struct(">BHB")  # LabJack's own function; of a frame: 1 writes, address, registers
@@ -46,7 +47,7 @@ NO_CODE = 0  # refused, but LabJack's code for it is not known here
 
 RATE, LENGTH, PACKET, BUFFER, TARGET, DATATYPE, BURST = 4002, 4004, 4006, 4012, 4016, 4018, 4020
 SCAN_LIST = 4100
-CONFIGURATION = (range(4000, 5000), range(40000, 44000))  # not to be written while a stream runs
+CONFIGURATION = (range(4000, 5000), range(40000, 44000))  # not writable while a stream runs
 AINS, DIOS = range(labjack.ANALOG_INPUTS), range(labjack.DIGITAL_LINES)
 NAME, NAME_WORDS = 60500, 25
 REBOOT = 0x4C4A  # in the upper half of SYSTEM_REBOOT
@@ -61,13 +62,13 @@ class SimulatedLabJackT7(Served):
     Parameters
     ----------
     inputs
-        What its terminals see.
+        The signals at its terminals.
     encoder_channel, gyro_ain, thermistor_ain
-        What is wired to which terminals, as in `T7Terminals`.
+        The wiring of the terminals, as in `T7Terminals`.
     serial
         Its serial number.
     host, port, stream_port
-        Where its registers and its stream are; port 0 takes a free one.
+        Where its registers and its stream are served; port 0 takes a free one.
     """
 
     wire: Wire = MODBUS_TCP
@@ -106,16 +107,16 @@ class SimulatedLabJackT7(Served):
         return self._stream.address
 
     @property
-    def stream_faults(self) -> Faults[StreamFault] | None:
-        """What befalls the packets of its stream; to be set before the start."""
+    def stream_faults(self) -> PendingFaults[StreamFault] | None:
+        """The faults of its stream's packets; to be set before the start."""
         return self._stream.faults
 
     @stream_faults.setter
-    def stream_faults(self, faults: Faults[StreamFault] | None) -> None:
+    def stream_faults(self, faults: PendingFaults[StreamFault] | None) -> None:
         self._stream.faults = faults
 
     def restart(self) -> None:
-        """Start anew, as after a power failure: no stream, every setting as delivered, encoder lines at rest."""
+        """Restart, as after a power failure: no stream, every setting as delivered, encoder lines at rest."""
         self._stream.end()
         self._settings |= AS_DELIVERED
         self._terminals.zero = 0
@@ -125,7 +126,7 @@ class SimulatedLabJackT7(Served):
         self._stream.start()
         try:
             super().start()
-        except UsageError:  # its port is taken
+        except UsageError:  # its port is in use
             self._stream.stop()
             raise
 
@@ -135,7 +136,7 @@ class SimulatedLabJackT7(Served):
         self._stream.stop()
 
     def read(self, address: int, count: int) -> list[int]:
-        """`count` words from `address` on."""
+        """Return `count` words from `address` on."""
         with self._noting_refusals():
             return self._table.read(address, count)
 
@@ -155,7 +156,7 @@ class SimulatedLabJackT7(Served):
             raise
 
     def _carry_out_feedback(self, frames: bytes) -> bytes:
-        """Reads and writes one after the other; the words read. What went before a refused one stays done."""
+        """Execute reads and writes in order and return the words read. Frames before a refused one remain executed."""
         words: list[int] = []
         while frames:
             if len(frames) < FEEDBACK_FRAME.size:
@@ -201,7 +202,7 @@ class SimulatedLabJackT7(Served):
         ]
 
     def _setting(self, address: int, kind: labjack.Kind) -> Register:
-        """A number that is kept as it is written; of an input's range, the smallest that holds it, of 0 the largest."""
+        """Return a register that stores a number; an input's range is rounded up to a valid one (0: the largest)."""
         return KINDS[kind](address, lambda: self._settings[address], lambda value: self._keep(address, value))
 
     def _keep(self, address: int, value: float) -> None:
@@ -215,7 +216,7 @@ class SimulatedLabJackT7(Served):
         self._settings[address] = value
 
     def _all_inputs(self, address: int, first: int) -> Register:
-        """A register that sets all analog inputs at once."""
+        """Return a register that sets all analog inputs at once."""
         (row,) = (row for row in labjack.KEPT if row.address == first)
         places = [place for place, _, _ in labjack.each([row])]
 
@@ -292,7 +293,7 @@ class SimulatedLabJackT7(Served):
 
 
 def scan_rate(rate_hz: float) -> float:
-    """The scan rate [Hz] that a T7 does where `rate_hz` is asked for; what is no rate is given back."""
+    """Return the scan rate [Hz] that a T7 uses if `rate_hz` is requested; an invalid rate is returned unchanged."""
     if not 0.0 < rate_hz < math.inf:
         return rate_hz
     count, steps = SCAN_CLOCK_HZ / rate_hz, 1

@@ -1,7 +1,7 @@
-"""What a simulated server needs of the simulated bench behind it: the machines, without any wire.
+"""Interfaces of the simulated machines that simulated servers use, without links.
 
-`benchctl_instruments.simulated.world.World` provides all three. Every method is safe to call from any thread, and every
-answer is that of the bench clock's present instant.
+`benchctl_instruments.simulated.world.World` provides all three. Every method is thread-safe, and every answer is that
+of the bench clock's present instant.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import Protocol
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 SINGLE_READING_S = 1e-3
-"""One unhurried reading averages the gyro's white noise over this time, whichever instrument takes it."""
+"""One single reading averages the gyro's white noise over this time, in every instrument."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableMotion:
-    """Where the table is and how it moves: angle unwrapped [deg], rate [deg/s], acceleration [deg/s²]."""
+    """Motion of the table: angle unwrapped [deg], rate [deg/s], acceleration [deg/s²]."""
 
     angle_deg: float
     rate_dps: float
@@ -28,19 +28,19 @@ class TableMachine(Protocol):
     """A servo axis. A demand holds until the next one; acceleration and rate stay within the limits."""
 
     def motion(self) -> TableMotion:
-        """The motion now."""
+        """Return the present motion."""
 
     def close_loop(self) -> None:
-        """Servo on, holding the present angle."""
+        """Switch the servo on, holding the present angle."""
 
     def open_loop(self) -> None:
-        """Servo off: friction stops the table."""
+        """Switch the servo off: friction stops the table."""
 
     def limits(self) -> tuple[float, float]:
-        """Rate [deg/s] and acceleration [deg/s²] limits."""
+        """Return the limits of rate [deg/s] and acceleration [deg/s²]."""
 
     def set_limits(self, rate_dps: float, acceleration_dps2: float) -> None:
-        """New limits, for demands from now on."""
+        """Set the limits for later demands."""
 
     def demand_rate(self, rate_dps: float) -> None:
         """Turn at a constant rate."""
@@ -56,43 +56,42 @@ class ChamberMachine(Protocol):
     """A chamber's temperature loop."""
 
     def air_c(self) -> float:
-        """Air temperature now."""
+        """Return the present air temperature."""
 
     def setpoint_c(self) -> float:
-        """The set point."""
+        """Return the set point."""
 
     def set_setpoint(self, setpoint_c: float) -> None:
-        """A new set point; the air follows within the ramp limit."""
+        """Set a new set point; the air follows within the ramp limit."""
 
     def power_percent(self) -> float:
-        """Heating (+) or cooling (-) power now, -100 to 100."""
+        """Return the present heating (+) or cooling (-) power, -100 to 100."""
 
     def running(self) -> bool:
-        """Whether it conditions."""
+        """Return whether it conditions."""
 
     def run(self, on: bool) -> None:
-        """Conditioning on or off; off, the air drifts to the room's temperature."""
+        """Switch conditioning on or off; off, the air drifts to the room's temperature."""
 
 
 class AnalogInputs(Protocol):
-    """What the digitizer's terminals see: the encoder's lines, the gyro's output and its thermistor's amplifier."""
+    """The digitizer's terminals: signals of the encoder's lines, the gyro and its thermistor's amplifier."""
 
     def now(self) -> float:
-        """Bench time [s] of the present instant."""
+        """Return the bench time [s] of the present instant."""
 
     def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
-        """Block until the bench clock has reached an instant, at most `timeout_s` of wall time; whether it has."""
+        """Block until an instant of bench time, at most `timeout_s` of wall time; return whether it was reached."""
 
     def hold_history(self, since_s: float | None) -> None:
-        """Keep the motion since an instant, so that it can be sampled later; None: no more needed."""
+        """Keep the motion since an instant, so that it can be sampled later; None: no longer needed."""
 
     def sample(
         self, first_s: float, interval_s: float, scans: int, *, start: int = 0
     ) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Quadrature count (unwrapped), gyro volts and thermistor volts at evenly spaced instants, none in the future.
+        """Return quadrature count (unwrapped), gyro and thermistor volts at equidistant instants, none in the future.
 
-        These are scans `start`, `start` + 1, … of those that begin at `first_s`: a stream that is taken in pieces is to
-        the last bit the same whatever the pieces.
-        Instants must not go back from one call to the next while a stream runs; volts are analog, before any converter,
-        with the sensor's own noise. Each of shape (scans,).
+        These are scans `start`, `start` + 1, … of a stream that begins at `first_s`: the stream does not depend on how
+        it is divided into calls, to the last bit. Instants must not decrease from one call to the next while a stream
+        runs; volts are analog, before any converter, with the sensor's own noise. Each of shape (scans,).
         """

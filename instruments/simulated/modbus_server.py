@@ -1,12 +1,12 @@
 """Registers of simulated Modbus devices, and servers over them: TCP for any number of clients, RTU on a line.
 
-Written here and not taken from pymodbus, whose server answers for units that are not there and only the first of
-several pipelined requests, so that a client's time-outs and queues could not be tried on it.
+pymodbus' server is not used: it answers for missing units and only the first of several pipelined requests, so a
+client's time-outs and queues could not be tested with it.
 
 Registers are a table of quantities with getters and setters, and plain memory. A quantity takes one register or, as a
-32-bit number, two. A read may begin and end anywhere among declared registers, also in the middle of a number; a write
-must bring whole quantities, because half of a number means nothing. Everything else is refused before anything is
-changed.
+32-bit number, two. A read may begin and end anywhere within declared registers, also in the middle of a number; a write
+must contain complete quantities, because half of a number has no meaning. Everything else is refused before anything
+is changed.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from benchctl_instruments.simulated.tcp_server import TcpServer
 
 
 class RegisterMap(Protocol):
-    """Registers by number; both methods raise `ModbusRefusal` for what the device answers with an exception."""
+    """Registers by number; both methods raise `ModbusRefusal` where the device answers with an exception."""
 
     def read(self, address: int, count: int) -> list[int]:
-        """`count` words from `address` on."""
+        """Return `count` words from `address` on."""
 
     def write(self, address: int, values: list[int]) -> None:
         """Write words from `address` on."""
@@ -49,7 +49,7 @@ class RegisterMap(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Register:
-    """A quantity: its first register, how many it takes, its words from and to the device; no `write`: read only."""
+    """A quantity: its first register, number of registers, and functions for its words; read-only without `write`."""
 
     address: int
     words: int
@@ -63,11 +63,11 @@ class RegisterTable:
     Parameters
     ----------
     registers
-        The quantities; `ValueError` where two of them claim the same register.
+        The quantities; raises `ValueError` if two of them use the same register.
     memory
-        Words by address that keep what is written to them and have no other effect.
+        Words by address that store written values and have no other effect.
     read_only_refusal
-        The exception code that the device answers to a write to what is read only.
+        The device's exception code for a write to a read-only register.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class RegisterTable:
                 self._at[address] = register
 
     def read(self, address: int, count: int) -> list[int]:
-        """`count` words from `address` on; each quantity is asked once, so its words belong together."""
+        """Return `count` words from `address` on; each quantity is read once, so its words are consistent."""
         words: list[int] = []
         while len(words) < count:
             register = self._quantity(address + len(words))
@@ -96,7 +96,7 @@ class RegisterTable:
         return words[:count]
 
     def write(self, address: int, values: list[int]) -> None:
-        """Write whole quantities from `address` on, in order; a setter that refuses leaves those before it written."""
+        """Write complete quantities from `address` on, in order; if a setter refuses, the earlier ones stay written."""
         writes = []
         place = 0
         while place < len(values):
@@ -119,45 +119,45 @@ class RegisterTable:
 
 
 class TakesSetpoint(Protocol):
-    """A chamber, as far as its set point goes."""
+    """A chamber whose set point can be set."""
 
     def set_setpoint(self, setpoint_c: float) -> None:
-        """A new set point."""
+        """Set a new set point."""
 
 
 class LimitedSetpoint:
-    """A set point in °C between two limits; what breaks their order is refused with exception 3."""
+    """A set point in °C between two limits; a value that violates their order is refused with exception 3."""
 
     def __init__(self, chamber: TakesSetpoint, low_c: float, high_c: float) -> None:
         self._chamber = chamber
         self.low_c, self.high_c = low_c, high_c
 
     def put(self, value_c: float) -> None:
-        """A new set point."""
-        if not self.low_c <= value_c <= self.high_c:  # nor NaN
+        """Set a new set point."""
+        if not self.low_c <= value_c <= self.high_c:  # also refuses NaN
             raise ModbusRefusal(ILLEGAL_VALUE)
         self._chamber.set_setpoint(value_c)
 
     def put_low(self, value_c: float) -> None:
-        """A new low limit."""
+        """Set a new low limit."""
         if not float("-inf") < value_c < self.high_c:
             raise ModbusRefusal(ILLEGAL_VALUE)
         self.low_c = value_c
 
     def put_high(self, value_c: float) -> None:
-        """A new high limit."""
+        """Set a new high limit."""
         if not self.low_c < value_c < float("inf"):
             raise ModbusRefusal(ILLEGAL_VALUE)
         self.high_c = value_c
 
 
 def laid_out(runs: Mapping[int, Sequence[int]]) -> dict[int, int]:
-    """Words by address, from runs of words by first address."""
+    """Return words by address, from runs of words by first address."""
     return {first + place: value for first, words in runs.items() for place, value in enumerate(words)}
 
 
 def constants(words: Mapping[int, int]) -> list[Register]:
-    """Words by address that can only be read, and never change."""
+    """Return read-only registers for constant words by address."""
     return [word(address, lambda value=value: value) for address, value in words.items()]  # type: ignore[misc]
 
 
@@ -168,7 +168,7 @@ def word(
     *,
     takes: Container[int] = range(0x10000),
 ) -> Register:
-    """An unsigned 16-bit number; a value that is none of those that it takes is exception 3."""
+    """Return a register for an unsigned 16-bit number; values not in `takes` are refused with exception 3."""
 
     def write(words: list[int]) -> None:
         if words[0] not in takes:
@@ -180,14 +180,14 @@ def word(
 
 
 def signed_word(address: int, get: Callable[[], int], put: Callable[[int], None] | None = None) -> Register:
-    """A 16-bit number in two's complement."""
+    """Return a register for a 16-bit number in two's complement."""
     return word(address, get, None if put is None else lambda value: put(signed_from_word(value)))
 
 
 def scaled(
     address: int, get: Callable[[], float], put: Callable[[float], None] | None = None, *, decimals: int
 ) -> Register:
-    """A signed number with an implied decimal point; a number beyond the register's range reads as its end."""
+    """Return a register for a signed number with an implied decimal point; values out of range are clipped."""
     step = 10**decimals
     return signed_word(
         address,
@@ -203,7 +203,7 @@ def u32(
     *,
     word_order: WordOrder = "high_first",
 ) -> Register:
-    """An unsigned 32-bit number in two registers."""
+    """Return two registers for an unsigned 32-bit number."""
     return Register(
         address=address,
         words=2,
@@ -219,7 +219,7 @@ def f32(
     *,
     word_order: WordOrder = "high_first",
 ) -> Register:
-    """An IEEE 754 single in two registers."""
+    """Return two registers for an IEEE 754 single."""
     return Register(
         address=address,
         words=2,
@@ -232,22 +232,22 @@ BROADCAST = 0
 
 
 class ModbusSession:
-    """One connection: bytes in, bytes out. Requests for other units are met with silence, as on a shared line.
+    """One connection: bytes in, bytes out. Requests for other units are not answered, as on a shared line.
 
     Parameters
     ----------
     framing
-        TCP or RTU, new for each connection.
+        TCP or RTU, a new one for each connection.
     registers
-        What the unit keeps; used under `lock`, so that a request is never carried out in the middle of another one.
+        The unit's registers; used under `lock`, so that requests are executed one at a time.
     unit_id
-        The unit; None answers whatever unit is asked for, as devices with a network socket of their own do.
+        The unit; None answers requests for any unit, as devices with their own network socket do.
     broadcasts
-        Whether unit 0 means every unit: writes are then carried out and not answered.
+        Whether unit 0 addresses every unit: writes are then executed and not answered.
     ignores
-        The writes that the unit acknowledges and does not carry out.
+        The writes that the unit acknowledges and does not execute.
     functions
-        Functions of the unit's own, by code: from the data of a request to that of its reply.
+        The unit's own functions by code, from the data of a request to the data of its reply.
     """
 
     def __init__(
@@ -270,7 +270,7 @@ class ModbusSession:
         self._ignores = ignores
 
     def feed(self, data: bytes) -> bytes:
-        """Take bytes as they come; the replies to what is complete with them, in order."""
+        """Add received bytes and return the replies to complete requests, in order."""
         return b"".join(self._answer(request) for request in self._framing.feed(data))
 
     def _answer(self, request: Request) -> bytes:
@@ -305,13 +305,13 @@ class ModbusTcpServer(TcpServer):
     Parameters
     ----------
     registers
-        What it serves.
+        The registers.
     unit_id
-        The unit that answers; None: whatever unit is asked for.
+        The unit that answers; None: any unit.
     host, port
-        Where; port 0 takes a free one.
+        Where to listen; port 0 takes a free one.
     pace_baud
-        Bytes leave as a line at this speed would let them; None: at once.
+        Simulated speed of the line; None: no delay.
     functions
         See `ModbusSession`.
     """
@@ -338,14 +338,14 @@ class ModbusTcpServer(TcpServer):
 
 
 class ModbusRtuServer(SerialLine):
-    """Modbus RTU on a simulated serial line; see `SerialLine` for its address and the settings it shares.
+    """Modbus RTU on a simulated serial line; see `SerialLine` for its address and common parameters.
 
     Parameters
     ----------
     registers
-        What it serves.
+        The registers.
     unit_id
-        The unit that answers; unit 0 is carried out and not answered.
+        The unit that answers; requests to unit 0 are executed and not answered.
     ignores
         See `ModbusSession`.
     """

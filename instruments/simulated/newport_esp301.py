@@ -1,15 +1,15 @@
-"""A simulated ESP301 at the end of a serial line. It shares only the protocol with the driver.
+"""A simulated ESP301 on a serial line. It shares only the protocol with the driver.
 
-Its parameters are those that PyMeasure's, InstrumentKit's and EPICS' drivers use. After power-up the axis counts from
-where it stands; `OR` turns it to the home index, at the table's 0 deg, and counts from there. `WS` and `WP` hold back
-the commands behind them, `ST` too. `SN` names the unit and converts nothing.
+It implements the parameters that PyMeasure's, InstrumentKit's and EPICS' drivers use. After power-up the axis counts
+from its present angle; `OR` turns it to the home index, at the table's 0 deg, and counts from there. `WS` and `WP`
+delay the commands after them, `ST` too. `SN` names the unit and converts nothing.
 
-How it decides where no source says how the real one does: `MV`, `PA`, `PR` and `OR` are not allowed while the axis
-moves (error 27, or 30 of the axis during homing); a move beyond a software limit is refused, and a limit that `MV`
-reaches stops the axis and leaves its motor on; the emergency stop and a rate far beyond the axis's own switch the motor
-off, and it cannot be switched on while the stop is pressed. A search for a limit switch, of which the stage has none,
-is aborted. The queue holds ten errors and then forgets the oldest. There are three axes, and the second and third have
-no stage. Programs and groups of axes do not exist.
+Behaviour chosen without a source: `MV`, `PA`, `PR` and `OR` are not allowed while the axis moves (error 27, or 30 of
+the axis during homing); a move beyond a software limit is refused, and a limit reached by `MV` stops the axis and
+leaves its motor on; the emergency stop and a rate far beyond the axis's own switch the motor off, and it cannot be
+switched on while the stop is pressed. A search for a limit switch, which the stage does not have, is aborted. The queue
+holds ten errors and then drops the oldest. There are three axes, and the second and third have no stage. Programs and
+groups of axes do not exist.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Callable
 
 from benchctl_instruments.errors import InstrumentError
-from benchctl_instruments.protocols.esp301 import ANSWER_END, DEGREES, SENT_END, Command, Error, parse_commands
+from benchctl_instruments.protocols.esp301 import ANSWER_END, DEGREES, SENT_END, Error, Esp301Command, parse_commands
 from benchctl_instruments.protocols.lines import LineCutter, parse_number
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import TableMachine
@@ -35,10 +35,10 @@ NOT_ALLOWED, AXIS_MISSING, VALUE_MISSING = 27, 37, 38
 BEYOND, FOLLOWING, HIGH_LIMIT, LOW_LIMIT, NO_STAGE, TOO_FAST, TOO_STEEP = 101, 103, 106, 107, 108, 110, 111
 MOTOR_OFF, HOMING_ABORTED, INTERLOCK, DURING_HOMING = 113, 120, 129, 130
 AT_REST_DPS, AT_ANGLE_DEG = 0.005, 0.005
-TRIP = 1.1  # of the axis's rate
-POLL_S = 0.002  # wall time between two looks at an axis that is waited for
+TRIP = 1.1  # relative to the axis's rate
+POLL_S = 0.002  # wall time between two polls of an axis
 WITHOUT_AXIS = ("TE", "TB", "VE", "*IDN", "TS", "PH", "SM", "RS")
-READINGS = ("TP", "TV", "MD")  # a question mark behind them may be missing
+READINGS = ("TP", "TV", "MD")  # the question mark after them may be missing
 WITHOUT_EFFECT = ("UF", "QD", "QR")  # servo filter and motor driver take their new parameters
 
 RATES, RAMPS = ("VA", "VU", "JH", "OH"), ("AC", "AG", "AE", "AU")  # as delivered the axis's rate and acceleration
@@ -57,7 +57,7 @@ OF_AXIS = {*COMMANDS, *READINGS, *WITHOUT_EFFECT, *RATES, *RAMPS, *NUMBERS, *WHO
 
 
 class _RejectedError(Exception):
-    """A command that leads to an error in the queue."""
+    """A command that causes an error in the queue."""
 
     def __init__(self, code: int) -> None:
         super().__init__(code)
@@ -65,12 +65,12 @@ class _RejectedError(Exception):
 
 
 class Esp301Controller:
-    """The controller, its stage on axis 1; safe to call from any thread.
+    """The controller, with its stage on axis 1. Thread-safe.
 
     Parameters
     ----------
     table
-        The axis; its limits at this moment are the most that `VA`, `AC` and `AG` take.
+        The axis; its present limits are the largest values that `VA`, `AC` and `AG` accept.
     """
 
     def __init__(self, table: TableMachine) -> None:
@@ -80,10 +80,10 @@ class Esp301Controller:
         self._on = False
         self._stop_pressed = False
         self._turns = 0  # the direction of MV
-        self._target_deg: float | None = None  # of PA, PR and OR, until the axis is there
-        self._stops = True  # until it has come to rest; a servo that hunts about its place afterwards does not move
-        self._index_deg: float | None = None  # the home index that OR goes to, as the table counts
-        self._waits: tuple[Callable[[], bool], float] | None = None  # for what WS or WP does, and for how much longer
+        self._target_deg: float | None = None  # of PA, PR and OR, until the axis has reached it
+        self._stops = True  # until it has come to rest; the servo's hunting about its place does not count as motion
+        self._index_deg: float | None = None  # the home index of OR, as the table counts
+        self._waits: tuple[Callable[[], bool], float] | None = None  # the condition of WS or WP, and the delay after it
         self.closing = threading.Event()
         self._errors: deque[int] = deque(maxlen=QUEUE)
         self._heard = 0
@@ -106,17 +106,17 @@ class Esp301Controller:
             self._stop_pressed = False
 
     def trip(self) -> None:
-        """A following error: the motor is off, and the error queue says so."""
+        """Cause a following error: the motor is off, and the error queue contains it."""
         with self._lock:
             self._trip(FOLLOWING)
 
     def restart(self) -> None:
-        """Start anew, as after a power failure: the motor off, not homed, no errors, every setting as delivered."""
+        """Restart, as after a power failure: the motor off, not homed, no errors, every setting as delivered."""
         with self._lock:
             self._restart()
 
     def execute(self, line: str) -> list[str]:
-        """Obey one line; the answers of its queries. It returns once nothing is waited for."""
+        """Execute one line and return the answers to its queries; returns after WS and WP have finished."""
         answers: list[str] = []
         for command in parse_commands(line):
             with self._lock:
@@ -129,7 +129,7 @@ class Esp301Controller:
         return answers
 
     def _hold(self, there: Callable[[], bool], more_s: float) -> None:
-        """Hold back what follows until the axis is there, and so much longer by the wall's clock."""
+        """Delay later commands until `there` returns true, and by `more_s` of wall time after that."""
         while not self.closing.wait(POLL_S):
             with self._lock:
                 self._watch()
@@ -139,8 +139,8 @@ class Esp301Controller:
 
     # One command ------------------------------------------------------------------------------------------------------
 
-    def _answer(self, command: Command | None) -> str | None:
-        """The answer of a query; None for a command, and for what goes to the queue of errors."""
+    def _answer(self, command: Esp301Command | None) -> str | None:
+        """Return the answer to a query; None for a command, and for an error, which is queued."""
         self._heard += 1
         self._watch()
         try:
@@ -151,8 +151,8 @@ class Esp301Controller:
             self._errors.append(err.code)
             return None
 
-    def _obey(self, command: Command) -> str | None:
-        """Do it; the answer of a query, None for a command."""
+    def _obey(self, command: Esp301Command) -> str | None:
+        """Execute a command; return the answer to a query, or None."""
         name, value = command.name, command.value
         if name in WITHOUT_AXIS:
             return self._without_axis(name)
@@ -315,7 +315,7 @@ class Esp301Controller:
         self._table.demand_angle(self._target_deg + self._origin_deg)
 
     def _home(self, mode: float) -> None:
-        """0: go to the angle 0; 1, 2: go to the home index and count from there; 3 to 6 look for a limit switch."""
+        """0: go to the angle 0; 1, 2: go to the home index and count from there; 3 to 6: search for a limit switch."""
         self._refuse_motion()
         if mode not in range(7):
             raise _RejectedError(OUT_OF_RANGE)
@@ -343,7 +343,7 @@ class Esp301Controller:
             raise _RejectedError(NOT_ALLOWED if self._index_deg is None else DURING_HOMING)
 
     def _watch(self) -> None:
-        """See whether a move has ended, and what has tripped."""
+        """Detect the end of a move, and faults."""
         rate_dps, angle_deg = self._table.motion().rate_dps, self._angle_deg()
         self._settle()
         arrived = self._target_deg is not None and abs(self._target_deg - angle_deg) < AT_ANGLE_DEG
@@ -380,7 +380,7 @@ def _number(value: str) -> float:
 
 
 def _bits(value: str) -> int:
-    """A number in hexadecimal digits and an H, or in decimal ones."""
+    """Return a number from hexadecimal digits and an H, or from decimal ones."""
     if not value:
         raise _RejectedError(VALUE_MISSING)
     try:
@@ -395,12 +395,12 @@ class SimulatedEsp301(TableServer):
     Parameters
     ----------
     table
-        The axis; its limits at this moment are the most that the controller takes.
+        The axis; its present limits are the largest values that the controller accepts.
     pace_baud, over_tcp
-        As of `SerialLine`.
+        See `SerialLine`.
     """
 
-    wire: Wire = Lines()  # what it refuses it does not answer
+    wire: Wire = Lines()  # refused commands are not answered
 
     def __init__(self, table: TableMachine, *, pace_baud: int | None = None, over_tcp: bool = False) -> None:
         controller = Esp301Controller(table)

@@ -1,7 +1,7 @@
-"""A simulated chamber made from a lab's own profile, served as Modbus RTU.
+"""A simulated chamber created from a lab's own profile, served as Modbus RTU.
 
-It only proves that the profile is consistent in itself, and lets a campaign be rehearsed: it takes every register for
-what the profile says that it is, so a wrong number in the profile is wrong here in the same way.
+It only shows that the profile is self-consistent, and allows to rehearse a campaign: it uses every register as the
+profile declares it, so a wrong number in the profile is wrong here in the same way.
 """
 
 from __future__ import annotations
@@ -37,22 +37,22 @@ LOW_C, HIGH_C = -70.0, 180.0
 
 
 class SimulatedProfiled(ModbusRtuServer):
-    """A controller as a profile describes it, from `start()` to `stop()` or in a `with`; a driver takes its `address`.
+    """A controller as a profile describes it, from `start()` to `stop()` or in a `with`; a driver uses its `address`.
 
     Parameters
     ----------
     chamber
-        What it controls.
+        The chamber machine.
     profile
-        The controller.
+        The controller's profile.
     changes
-        Fields of the profile to be taken otherwise, as the driver takes them.
+        Fields of the profile to replace, as for the driver.
     word_order, unit_id
-        In place of the profile's.
+        Replace the profile's values.
     pace_baud, over_tcp
         See `ModbusRtuServer`.
 
-    `words` holds the registers that are no numbers, by address, and may be changed by hand: conditions, modes, busy.
+    `words` holds the registers that are no numbers, by address, and may be changed: conditions, modes, busy.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class SimulatedProfiled(ModbusRtuServer):
         self._profile = profile
         self._pending_c = chamber.setpoint_c()
         self._setpoint = LimitedSetpoint(self, *(profile.kept_limits_c or (LOW_C, HIGH_C)))
-        self._outputs: dict[int, float] = {}  # what was written there since it is off
+        self._outputs: dict[int, float] = {}  # values written while off
         self.words = {address: 0 for _, address in words(profile)} | self._first_words()
         self._declared: list[Register] = []
         self._declare()
@@ -87,7 +87,7 @@ class SimulatedProfiled(ModbusRtuServer):
         )
 
     def _first_words(self) -> dict[int, int]:
-        """A controller in which all is well."""
+        """Return the registers of a controller without any fault."""
         profile = self._profile
         found = {
             condition.address: condition.fine[0]
@@ -102,7 +102,7 @@ class SimulatedProfiled(ModbusRtuServer):
         return found
 
     def _declare(self) -> None:
-        """Every register; of two that the profile puts at one address the first stands."""
+        """Declare every register; of two at one address in the profile the first one is used."""
         profile, chamber, setpoint = self._profile, self._chamber, self._setpoint
         self._number(profile.air, chamber.air_c)
         for address in (profile.setpoint.address, *profile.setpoint.also):
@@ -160,7 +160,7 @@ class SimulatedProfiled(ModbusRtuServer):
             self._declared.append(register)
 
     def set_setpoint(self, setpoint_c: float) -> None:
-        """A new set point; one that the controller has to take over waits for that."""
+        """Set a new set point; if the controller has to take it over by a command, it is only stored."""
         self._pending_c = setpoint_c
         if self._profile.setpoint.run is None:
             self._chamber.set_setpoint(setpoint_c)

@@ -1,4 +1,4 @@
-"""A line at whose end a simulated device talks by itself, and may be talked to: a pseudo-terminal, or TCP."""
+"""A line of a simulated device that sends spontaneously and accepts commands: a pseudo-terminal, or TCP."""
 
 from __future__ import annotations
 
@@ -16,52 +16,52 @@ from benchctl_instruments.simulated.serial_line import MOST_BYTES, open_pty
 from benchctl_instruments.simulated.tcp_server import Startable, Where, address_of, listen
 
 PIECE_S = 0.004
-"""Wall time between two looks at what is due: as coarse as a good serial converter hands it on."""
+"""Wall time between two checks for due data: as coarse as a good serial converter delivers them."""
 
 PATIENCE_S = 0.02
-"""Wall time between two looks at what the client says."""
+"""Wall time between two checks for data from the client."""
 
 FULL_LINE_S = 0.5
-"""Wall time for which a full line may hold up the device: on a busy machine a client that listens may be slow."""
+"""Wall time for which a full line may delay the device: on a busy machine a listening client may be slow."""
 
 
 class Talker(Protocol):
-    """A device that sends by itself; the line calls it from one thread."""
+    """A device that sends spontaneously; the line calls it from one thread."""
 
     def feed(self, data: bytes) -> bytes:
-        """Take what the client said, and answer what is complete."""
+        """Process received bytes, and return the answers to complete commands."""
 
     def due(self) -> bytes:
-        """What should have been sent by now and was not; b"" where nothing."""
+        """Return the bytes that are due and not sent yet, or b""."""
 
     def lose(self) -> None:
-        """What is due was not taken: leave out what else should have been sent by now."""
+        """Discard all other due bytes, since the last ones were not accepted."""
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until something is due, at most `timeout_s` of wall time; at once false where nothing will ever be."""
+        """Wait until bytes are due, at most `timeout_s` of wall time; return False at once if none will ever be."""
 
 
 class PushLine(Startable):
-    """A device's line from `start()` to `stop()`, or in a `with`; `address` is what a driver is given.
+    """A device's line from `start()` to `stop()`, or in a `with`; a driver uses its `address`.
 
-    A client that does not take what is sent holds up the device for 0.5 s, then all that was due is dropped, as a
-    receiver that overruns does. TCP has one client, the one that connected last; without one, all is dropped.
+    A client that does not read delays the device for 0.5 s; then all due bytes are dropped, as by an overrun receiver.
+    TCP has one client, the latest one; without a client, all bytes are dropped.
 
     Parameters
     ----------
     device
-        What talks.
+        The device that sends.
     baud
         The speed that the address names; the line itself has none.
     over_tcp
-        TCP also where pseudo-terminals exist.
+        Use TCP even if pseudo-terminals exist.
 
     Attributes
     ----------
     dropped_bytes
-        How many bytes no client took.
+        Number of bytes that no client accepted.
     disturb
-        What the line does to the bytes that go to the client; to be set by hand.
+        Function applied to the bytes sent to the client; may be assigned.
     """
 
     def __init__(self, device: Talker, *, baud: int, over_tcp: bool) -> None:
@@ -75,7 +75,7 @@ class PushLine(Startable):
 
     @property
     def address(self) -> str:
-        """`serial://DEVICE?baud=N` or `socket://HOST:PORT`, known once it is started."""
+        """`serial://DEVICE?baud=N` or `socket://HOST:PORT`, known after `start`."""
         return self._end.address(self._baud)
 
     def start(self) -> None:
@@ -104,21 +104,21 @@ class PushLine(Startable):
                 self._hear(self._end.receive(PATIENCE_S))
 
     def _hear(self, said: bytes) -> None:
-        """Answer the client; what was due before it spoke leaves before the answer, however late this thread is."""
-        give_up_s = time.monotonic() + FULL_LINE_S  # by the wall more may fall due all the time
+        """Answer the client; bytes that were due before its command are sent before the answer."""
+        give_up_s = time.monotonic() + FULL_LINE_S  # a limit, since more bytes may become due all the time
         while said and time.monotonic() < give_up_s and self._send_due():
             pass
         self._send(self._device.feed(said))
 
     def _send_due(self) -> bool:
-        """Send what is due, a batch at most; whether there was anything."""
+        """Send due bytes, at most a batch; return whether there were any."""
         data = self._device.due()
         if data and not self._send(data):
             self._device.lose()
         return bool(data)
 
     def _send(self, data: bytes) -> bool:
-        """Whether the client took all of it."""
+        """Return whether the client accepted all bytes."""
         left = memoryview(self.disturb(data)) if data else memoryview(b"")
         give_up_s = time.monotonic() + FULL_LINE_S
         while left:
@@ -148,12 +148,12 @@ class _PtyEnd:
         os.close(self._slave)
 
     def receive(self, timeout_s: float) -> bytes:
-        """What the client has sent, b"" where nothing comes in time."""
+        """Return the bytes from the client, b"" if none arrive in time."""
         ready, _, _ = select.select([self._master], [], [], timeout_s)
         return os.read(self._master, MOST_BYTES) if ready else b""
 
     def send(self, data: memoryview, timeout_s: float) -> int:
-        """How many bytes the line has taken within the time."""
+        """Return the number of bytes that the line accepted in time."""
         _, ready, _ = select.select([], [self._master], [], timeout_s)
         if not ready:
             return 0
@@ -164,7 +164,7 @@ class _PtyEnd:
 
 
 class _TcpEnd:
-    """A listener and the client that connected last."""
+    """A listener and its latest client."""
 
     def __init__(self) -> None:
         self._where: Where = ("127.0.0.1", 0)
@@ -181,11 +181,11 @@ class _TcpEnd:
         self._listener.close()
 
     def receive(self, timeout_s: float) -> bytes:
-        """What the client has sent, b"" where nothing comes in time, or somebody else."""
+        """Return the bytes from the client, b"" if none arrive in time or another client connects."""
         sources = [self._listener] + ([self._client] if self._client else [])
         ready, _, _ = select.select(sources, [], [], timeout_s)
         if self._listener in ready:
-            with contextlib.suppress(OSError):  # it is gone already
+            with contextlib.suppress(OSError):  # it is disconnected already
                 client, _ = self._listener.accept()
                 client.setblocking(False)
                 client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -203,7 +203,7 @@ class _TcpEnd:
         return data
 
     def send(self, data: memoryview, timeout_s: float) -> int:
-        """How many bytes the client has taken within the time."""
+        """Return the number of bytes that the client accepted in time."""
         if self._client is None:
             return 0
         _, ready, _ = select.select([], [self._client], [], timeout_s)
@@ -211,7 +211,7 @@ class _TcpEnd:
             return self._client.send(data) if ready else 0
         except BlockingIOError:
             return 0
-        except OSError:  # it went away
+        except OSError:  # it disconnected
             self._drop()
             return 0
 

@@ -1,4 +1,4 @@
-"""A simulated Sensonor STIM300 on the wire. It shares only the protocol with the driver."""
+"""A simulated Sensonor STIM300. It shares only the protocol with the driver."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ GYRO_UNITS = ("angular rate", "average angular rate", "incremental angle")
 
 
 class SimulatedStim300(DigitalGyro):
-    """A STIM300 with one axis along the table's; it sends without end. It has no service mode.
+    """A STIM300 with one axis along the table's; it sends continuously. It has no service mode.
 
     Parameters
     ----------
     inputs, settings
-        The bench: as of `DigitalGyro`.
+        The bench: as for `DigitalGyro`.
     rate_hz
         125, 250, 500, 1000 or 2000, if the line can carry it.
     datagram_id
-        What it sends: `benchctl_instruments.protocols.stim300.PARTS`.
+        The datagram: `benchctl_instruments.protocols.stim300.PARTS`.
     crlf
         Whether CR LF ends a datagram.
     gyro_unit
-        "angular rate", "average angular rate" or "incremental angle"; the first two are alike here.
+        "angular rate", "average angular rate" or "incremental angle"; the first two are equal here.
     counter_step
-        What the counter goes up by from one datagram to the next.
+        The increment of the counter from one datagram to the next.
     axis
-        "x", "y" or "z": the one that turns.
+        "x", "y" or "z": the axis that turns.
     serial
         14 digits.
     baud
@@ -47,7 +47,7 @@ class SimulatedStim300(DigitalGyro):
     Attributes
     ----------
     status
-        What every part of a datagram states, beside an overload; to be set by hand.
+        The status of every part of a datagram, in addition to an overload; may be assigned.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class SimulatedStim300(DigitalGyro):
         super().start()
 
     def feed(self, data: bytes) -> bytes:
-        """Answer what is asked."""
+        """Answer the questions."""
         *questions, self._heard = (self._heard + data).split(b"\r")
         self._heard = self._heard[-len(stim.ASK_SERIAL) :]
         return b"".join(self._answer(question + b"\r") for question in questions)

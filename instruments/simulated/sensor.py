@@ -1,6 +1,6 @@
-"""The gyro under test as the terminals play it: one of two laws behind one description.
+"""The gyro under test at the digitizer's terminals: one of two models with a common description.
 
-How it stands on the bench may change over time: mounted along or across, its supply on or off.
+Its installation may change over time: mounted along or across the table's axis, its supply on or off.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from benchctl_instruments.simulated.clock import Timebase
 from benchctl_instruments.simulated.settings import WorldSettings
 
 _ROUNDING = 1e-6
-"""Instants of the grid; a scan that is meant to fall on one may miss it by that much."""
+"""Tolerance, in grid intervals, for a scan to coincide with an instant of the grid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Installed:
     """The gyro from an instant of the grid on.
 
-    It was switched on for the `times`-th time, counted from 1, at `on_since_s` of bench time; None: before all time.
+    It was switched on for the `times`-th time, counted from 1, at `on_since_s` of bench time; None: before the start.
     """
 
     since: float = -math.inf
@@ -40,14 +40,14 @@ class Installed:
 
 
 class Installation:
-    """The hands that touch the gyro. What they do acts from an instant of the grid on that nobody has asked for yet."""
+    """Manual changes of the gyro. A change takes effect at an instant of the grid that was not sampled yet."""
 
     def __init__(self, timebase: Timebase) -> None:
         self._timebase = timebase
         self._changes = [Installed()]
 
     def power(self, on: bool) -> None:
-        """Switch the gyro's supply; does nothing where it is so already."""
+        """Switch the gyro's supply; no effect if it is already in that state."""
         with self._timebase.lock:
             now = self._changes[-1]
             if on == now.powered:
@@ -64,7 +64,7 @@ class Installation:
             self._changes.append(replace(self._changes[-1], since=self._next(), position=position))
 
     def over(self, first: int, last: int) -> Iterator[tuple[Installed, int, int]]:
-        """How it stands over instants of the grid, first and last included: in turn, from one to another."""
+        """Yield the installations over instants of the grid in order, each with its first and last instant."""
         ends = [*(change.since - 1 for change in self._changes[1:]), math.inf]
         for change, end in zip(self._changes, ends, strict=True):
             low, high = max(first, change.since), min(last, end)
@@ -72,7 +72,7 @@ class Installation:
                 yield change, int(low), int(high)
 
     def dead(self, times_s: FloatArray) -> BoolArray | None:
-        """Which of some instants of shape (n,) find its supply off; None: it was never off."""
+        """Return at which instants, shape (n,), the supply is off; None if it was never off."""
         if all(change.powered for change in self._changes):
             return None
         since = [change.since - _ROUNDING for change in self._changes]
@@ -89,12 +89,12 @@ _FORGETTING_TIME_CONSTANTS = 40.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """What the bench needs of a gyro.
+    """A gyro's model for the bench.
 
-    `baseline` gives its stages on the grid, as it is mounted and as it came up when it was switched on for the n-th
-    time, n from 1; `memory_s` is how long its electronics remember; `white_v` gives the standard
-    deviation [V] of the white noise of samples that lie an interval [s] apart. Where `coil_is_housing` the coil is as
-    warm as the housing, which the thermistor reads.
+    `baseline` returns its stages on the grid for a mounting position and the n-th switch-on, n from 1; `memory_s` is
+    the length of its electronics' memory; `white_v` returns the standard deviation [V] of the white noise of samples
+    with an interval [s]. If `coil_is_housing`, the coil has the temperature of the housing, which the thermistor
+    measures.
     """
 
     baseline: Callable[[Position, int], Baseline]
@@ -107,9 +107,9 @@ class Sensor:
 
 
 def sensor_of(settings: WorldSettings) -> Sensor:
-    """The response where the settings state one, else the open-loop interferometer.
+    """Return the response if the settings state one, otherwise the open-loop interferometer.
 
-    A response comes up as it is stated each time, and across the table's axis it feels nothing.
+    A response is equal at each switch-on, and senses nothing when mounted across the table's axis.
     """
     response, gyro = settings.response, settings.gyro
     if response is not None:

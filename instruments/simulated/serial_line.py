@@ -1,6 +1,6 @@
-"""A simulated device's serial line: a pseudo-terminal where the system has them, otherwise serial over TCP.
+"""A simulated device's serial line: a pseudo-terminal if the system has them, otherwise serial over TCP.
 
-A rate table's server is here too: it serves, and the interlock of its controller can be opened by hand.
+The module also contains a rate table's server, which serves a controller whose interlock can be opened.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ PACED_PIECE_S = 0.005
 
 
 def open_pty() -> tuple[int, int, str]:
-    """Master and slave of a new pseudo-terminal that changes no byte, and the slave's name.
+    """Return master and slave of a new pseudo-terminal that changes no byte, and the slave's name.
 
-    The slave stays open: without it the master would see an I/O error each time the client closes the port.
+    The slave stays open: otherwise the master would get an I/O error each time the client closes the port.
     """
     import tty  # not on Windows
 
@@ -38,12 +38,12 @@ def open_pty() -> tuple[int, int, str]:
 
 
 class PtyLine(Startable):
-    """One pseudo-terminal from `start()` to `stop()`, by then `port` is its name and `address` "serial://PORT".
+    """One pseudo-terminal from `start()` to `stop()`; `port` is its name and `address` "serial://PORT".
 
-    A pseudo-terminal has no speed. With `pace_baud` the device sees a request only when its last byte would have
-    arrived, and the reply leaves in pieces at that speed. Bytes that no client takes are dropped once the terminal's
-    buffer is full, as a real receiver would, and counted in `dropped_bytes`. `faults`, to be set before the start,
-    befall the requests; where they end a connection, a line has none to end and is only silent.
+    A pseudo-terminal has no speed. With `pace_baud` the device receives a request only when its last byte would have
+    arrived, and the reply is sent in pieces at that speed. Bytes that no client reads are dropped once the terminal's
+    buffer is full, as by a real receiver, and counted in `dropped_bytes`. `faults`, to be set before the start,
+    apply to the requests; a fault that ends a connection only silences the line.
     """
 
     def __init__(self, device: Conversation, *, pace_baud: int | None) -> None:
@@ -56,11 +56,11 @@ class PtyLine(Startable):
 
     @property
     def address(self) -> str:
-        """Of a client's end."""
+        """Address of a client's end."""
         return f"serial://{self.port}"
 
     def start(self) -> None:
-        """Make the terminal and serve it from a thread of its own."""
+        """Create the terminal and serve it in a new thread."""
         self._master, self._slave, self.port = open_pty()
         self._awake, self._wake = os.pipe()
         self._thread = Thread(target=self._serve, name=f"line {self.port}", daemon=True)
@@ -110,29 +110,29 @@ class PtyLine(Startable):
 
 
 class Line(Startable, Protocol):
-    """What carries an instrument's bytes."""
+    """A line that carries an instrument's bytes."""
 
     faults: LinkFaults | None
 
     @property
     def address(self) -> str:
-        """Where it is."""
+        """Its address."""
 
 
 class Served(Startable):
-    """What a line serves, from `start()` to `stop()`, or in a `with`."""
+    """An instrument served on a line, from `start()` to `stop()`, or in a `with`."""
 
     def __init__(self, line: Line) -> None:
         self._line = line
 
     @property
     def address(self) -> str:
-        """Where it answers; that of a pseudo-terminal is known once it is started."""
+        """Its address; that of a pseudo-terminal is known after `start`."""
         return self._line.address
 
     @property
     def faults(self) -> LinkFaults | None:
-        """What befalls the requests; to be set before the start."""
+        """The faults of the requests; to be set before the start."""
         return self._line.faults
 
     @faults.setter
@@ -144,24 +144,24 @@ class Served(Startable):
         self._line.start()
 
     def stop(self) -> None:
-        """Stop serving; safe to call twice. What is behind the line goes on with what it was doing."""
+        """Stop serving; safe to call twice. The machine behind the line continues."""
         self._line.stop()
 
     def cut_connections(self) -> None:
-        """Pull the cable for a moment; a pseudo-terminal has none."""
+        """Close all connections, as by a pulled cable; a pseudo-terminal has none."""
         if isinstance(self._line, TcpServer):
             self._line.cut_connections()
 
 
 class LineConversation:
-    """One connection of an instrument that speaks in lines.
+    """One connection of a line-based instrument.
 
     Parameters
     ----------
     answer
-        What goes back for a line. One that is too long is answered as any other that cannot be understood.
+        Returns the answer to a line. A line that is too long is answered like any invalid one.
     lines
-        Cuts what comes into lines.
+        Splits the received bytes into lines.
     """
 
     def __init__(self, answer: Callable[[str], bytes], lines: LineCutter) -> None:
@@ -169,7 +169,7 @@ class LineConversation:
         self._lines = lines
 
     def feed(self, data: bytes) -> bytes:
-        """Take what arrived, and answer the lines that are complete."""
+        """Add received bytes and return the answers to complete lines."""
         try:
             lines = self._lines.feed(data)
         except InstrumentError:
@@ -178,20 +178,20 @@ class LineConversation:
 
 
 class SerialLine(Served):
-    """A line with a device at its end, from `start()` to `stop()`, or in a `with`; the client need not know which kind.
+    """A line with a device, from `start()` to `stop()`, or in a `with`; the client need not know its kind.
 
-    `address` is "serial:///dev/pts/4?baud=19200" or "socket://127.0.0.1:PORT", known once it is started.
+    `address` is "serial:///dev/pts/4?baud=19200" or "socket://127.0.0.1:PORT", known after `start`.
 
     Parameters
     ----------
     device
-        Makes the device's end of a connection: once for a pseudo-terminal, once for each connection over TCP.
+        Creates the device's end of a connection: once for a pseudo-terminal, once for each connection over TCP.
     baud
-        The speed that the address names; a pseudo-terminal takes any and keeps none.
+        The speed that the address names; a pseudo-terminal accepts any and uses none.
     pace_baud
-        Bytes move as a line at this speed would let them; None: at once.
+        Simulated speed of the line; None: no delay.
     over_tcp
-        Serial over TCP also where pseudo-terminals exist.
+        Serial over TCP even if pseudo-terminals exist.
     """
 
     def __init__(
@@ -210,16 +210,16 @@ class SerialLine(Served):
 
     @property
     def address(self) -> str:
-        """What a driver is given to find the line."""
+        """The address for a driver."""
         if isinstance(self._line, TcpServer):
             return self._line.address.replace("tcp://", "socket://")
         return f"{self._line.address}?baud={self._baud}"
 
 
 class TableController(Protocol):
-    """The states of a simulated controller, as far as a hand at the bench can reach them.
+    """The states of a simulated controller that can be changed from outside.
 
-    `closing` is set while nothing serves it: no answer waits for a motion then.
+    `closing` is set while it is not served: answers then do not wait for a motion.
     """
 
     closing: threading.Event
@@ -231,10 +231,10 @@ class TableController(Protocol):
         """Release the emergency stop."""
 
     def trip(self) -> None:
-        """Let the axis fail to follow."""
+        """Cause a following error."""
 
     def restart(self) -> None:
-        """Start anew, as after a power failure."""
+        """Restart, as after a power failure."""
 
 
 class TableServer(Served):
@@ -243,9 +243,9 @@ class TableServer(Served):
     Parameters
     ----------
     controller
-        What answers there; its own methods say what a hand at the bench leads to.
+        The controller; its methods document the results of manual actions.
     line
-        What serves it.
+        The line that serves it.
     """
 
     def __init__(self, controller: TableController, line: Line) -> None:
@@ -258,22 +258,22 @@ class TableServer(Served):
         super().start()
 
     def stop(self) -> None:
-        """Stop serving; the table goes on with what it was doing."""
+        """Stop serving; the table continues its motion."""
         self._controller.closing.set()
         super().stop()
 
     def open_interlock(self) -> None:
-        """Open the interlock by hand, as an emergency stop does."""
+        """Open the interlock, as an emergency stop does."""
         self._controller.open_interlock()
 
     def close_interlock(self) -> None:
-        """Close the interlock by hand; what it led to stays until the controller is told otherwise."""
+        """Close the interlock; its results remain until the controller is reset."""
         self._controller.close_interlock()
 
     def trip(self) -> None:
-        """A following error."""
+        """Cause a following error."""
         self._controller.trip()
 
     def restart(self) -> None:
-        """Start anew, as after a power failure."""
+        """Restart, as after a power failure."""
         self._controller.restart()

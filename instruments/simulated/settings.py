@@ -1,4 +1,4 @@
-"""Everything that can be set about the simulated bench, with plain defaults; the `[simulated]` table of bench.toml."""
+"""All settings of the simulated bench, with plain defaults; the `[simulated]` table of bench.toml."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from benchctl_instruments.physics.table import TableParameters
 _Settings = TypeVar("_Settings")
 
 _LOWEST_CUTOFF_HZ = 0.2
-"""Electronics that are slower would remember more of the motion than the simulated bench does."""
+"""Slower electronics would need a longer history of the motion than the simulated bench keeps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorldSettings:
-    """The parts of the simulated bench and where it stands.
+    """The parts of the simulated bench and its location.
 
-    Where a `response` is given the gyro obeys it to the letter, in place of `gyro`.
+    If a `response` is given, the gyro follows it exactly, in place of `gyro`.
     `thermistor_v_per_c` and `thermistor_offset_v` are the amplifier's scale: volts = slope·°C + offset. `grid_hz` is
     the internal rate at which the gyro's electronics are computed. The same `seed` gives the same noise.
     """
@@ -60,14 +60,14 @@ class WorldSettings:
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], *, where: str = "simulated") -> WorldSettings:
-        """Settings from nested mappings, as TOML gives them; what is not named keeps its default.
+        """Return settings from nested mappings, as parsed from TOML; missing fields keep their defaults.
 
-        An unknown field, or a value of the wrong type, is a `UsageError` that names it as `[where.table] field`.
+        Raises `UsageError`, naming `[where.table] field`, for an unknown field or a value of the wrong type.
         """
         return built(cls, mapping, where)
 
     def drawn(self, seed: int) -> WorldSettings:
-        """Another bench of the same make: new noise, the encoder mounted otherwise, the same coefficients."""
+        """Return another bench of the same make: new noise, the encoder mounted differently, the same coefficients."""
         first_deg, second_deg = np.random.default_rng(seed).uniform(0.0, 360.0, 2)
         mounted = replace(
             self.encoder, eccentricity_phase_deg=float(first_deg), ellipticity_phase_deg=float(second_deg)
@@ -76,12 +76,12 @@ class WorldSettings:
 
 
 def built(cls: type[_Settings], mapping: Mapping[str, Any], where: str) -> _Settings:
-    """A dataclass of numbers, tuples of numbers and such dataclasses from what TOML gives.
+    """Return a dataclass of numbers, tuples of numbers and such dataclasses from parsed TOML.
 
-    An unknown or missing field, or a value of the wrong type, is a `UsageError` that names it as `[where] field`.
+    Raises `UsageError`, naming `[where] field`, for an unknown or missing field, or a value of the wrong type.
     """
     types = get_type_hints(cls)
-    items = fields(cls)  # type: ignore[arg-type]  # no bound says "a dataclass"
+    items = fields(cls)  # type: ignore[arg-type]  # no bound expresses "a dataclass"
     known = [item.name for item in items]
     values = {}
     for name, value in mapping.items():
@@ -93,12 +93,12 @@ def built(cls: type[_Settings], mapping: Mapping[str, Any], where: str) -> _Sett
             raise UsageError(f"[{where}] {item.name}: this field is needed and is not there")
     try:
         return cls(**values)
-    except UsageError as err:  # of several numbers together
+    except UsageError as err:  # concerns several numbers together
         raise UsageError(f"[{where}] {err}") from err
 
 
 def _checked(wanted: Any, value: object, where: str, name: str) -> object:
-    if isinstance(wanted, UnionType):  # X | None: what is given is an X
+    if isinstance(wanted, UnionType):  # X | None: a given value is an X
         wanted = get_args(wanted)[0]
     if get_origin(wanted) is tuple:
         if not isinstance(value, list | tuple):

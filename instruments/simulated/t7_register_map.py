@@ -1,14 +1,15 @@
 """LabJack's register map of the T7 as data, and the inputs of a simulated one.
 
-Kept registers can be written and read back and have no effect, as far as `labjack_t7` gives them none. Not simulated,
-so unknown to it: serial buses, Lua, files, Wi-Fi, AIN_EF, the real-time clock, Mux80 inputs (AIN14 to 254 read 0 V).
+Stored registers can be written and read back and have no effect, except those to which `labjack_t7` gives one. Not
+simulated, and so unknown: serial buses, Lua, files, Wi-Fi, AIN_EF, the real-time clock, Mux80 inputs (AIN14 to 254 read
+0 V).
 
 Source: ljm_constants.json (LabJack's public map); STREAM_DATATYPE (4018) T-series datasheet 3.2.4; flash 20.0.1 and the
 nominal constants of NSchrading/async_labjack (calibrations.rs).
 
 The inputs: as delivered the encoder is on DIO0 and DIO1, the gyro on AIN0, its thermistor on AIN1; the other analog
-inputs see 0 V. Streamed volts are 16-bit codes; the slow converter of single readings resolves 24 bits. Both are ideal.
-Enabling quadrature leaves the count as it is.
+inputs read 0 V. Streamed volts are 16-bit codes; the slow converter of single readings resolves 24 bits. Both are
+ideal. Enabling quadrature does not change the count.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ RANGES_V = (10.0, 1.0, 0.1, 0.01)
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Registers that follow each other: the first address, the kind, how many, what each reads as delivered."""
+    """Consecutive registers: the first address, the kind, how many, and their value as delivered."""
 
     address: int
     kind: Kind
@@ -124,7 +125,7 @@ ALL_INPUTS = {43900: 40000, 43902: 41000, 43903: 41500, 43904: 42000}
 """AIN_ALL_RANGE, NEGATIVE_CH, RESOLUTION_INDEX, SETTLING_US, and the first register of those that each one sets."""
 
 MIXED: dict[Kind, float] = {"f32": -9999.0, "u16": 0xFFFF}
-"""What AIN_ALL reads where the inputs differ."""
+"""The value of AIN_ALL if the inputs differ."""
 
 
 FLASH_CALIBRATION = 0x3C4000
@@ -132,7 +133,7 @@ CALIBRATION_WORDS = 82
 
 
 def flash(address: int) -> list[int]:
-    """Words of the internal flash from an address on: the calibration, nominal, and FFFFh elsewhere."""
+    """Return words of the internal flash from an address on: the calibration, nominal, and FFFFh elsewhere."""
     converters = [(span_v / 32768, -span_v / 32768, 32768.0, -span_v) for span_v in RANGES_V]  # slopes, centre, offset
     outputs, thermometer, currents = (13200.0, 0.0) * 2, (-92.6, 467.6), (10e-6, 200e-6, 15e-9)
     constants = [*sum(converters * 2, ()), *outputs, *thermometer, *currents]  # converters of streams, of slow readings
@@ -143,7 +144,7 @@ def flash(address: int) -> list[int]:
 
 
 def each(rows: Iterable[Row]) -> Iterator[tuple[int, Kind, float]]:
-    """Every register of some rows: address, kind, what it reads as delivered."""
+    """Yield every register of some rows: address, kind, value as delivered."""
     for row in rows:
         for place in range(row.count):
             yield row.address + place * WORDS[row.kind], row.kind, row.delivered
@@ -153,7 +154,7 @@ QUADRATURE = 10
 RANGE, EF_ENABLE, EF_INDEX = 40000, 44000, 44100
 DATA_CAPTURE_16 = 4899
 READ_A_0 = 3000
-HIGHEST_STREAMED_CODE = 0xFFFE  # FFFFh marks skipped scans and nothing else
+HIGHEST_STREAMED_CODE = 0xFFFE  # FFFFh marks skipped scans only
 
 
 @dataclass(slots=True)
@@ -172,18 +173,18 @@ class T7Terminals:
     zero: int = 0
 
     def single_code(self, channel: int) -> int:
-        """An unhurried reading of an analog input, 24 bits."""
+        """Return a single reading of an analog input, 24 bits."""
         _, gyro_v, thermistor_v = self._now()
         volts = self._wired(channel, gyro_v, thermistor_v)
         return int(codes_from_volts(volts, range_v=self._range_v(channel), bits=24)[0])
 
     def single_volts(self, channel: int) -> float:
-        """The same in volts."""
+        """Return a single reading of an analog input in volts."""
         code = np.array([self.single_code(channel)])
         return float(volts_from_codes(code, range_v=self._range_v(channel), bits=24)[0])
 
     def count(self, line: int, *, reset: bool = False) -> int:
-        """The count of a pair of lines, 0 where nothing is wired or quadrature is not enabled; it may be reset to 0."""
+        """Return the count of a pair of lines, 0 if it is not wired or quadrature is off; optionally reset it to 0."""
         if not self._counts(line):
             return 0
         count = int(self._now()[0][0])
@@ -193,7 +194,7 @@ class T7Terminals:
         return since_reset
 
     def can_stream(self, scan_list: Sequence[int]) -> bool:
-        """Whether every address of a scan list is one that can be sampled here."""
+        """Return whether every address of a scan list can be sampled here."""
         analog = {2 * channel for channel in range(ANALOG_INPUTS)}
         counts = {READ_A_0 + 2 * line for line in range(DIGITAL_LINES)}
         known = analog | counts | {DATA_CAPTURE_16}
@@ -202,11 +203,11 @@ class T7Terminals:
     def scans(
         self, scan_list: Sequence[int], first_s: float, interval_s: float, scans: int, *, start: int = 0
     ) -> npt.NDArray[np.uint16]:
-        """Samples of each address at evenly spaced instants from scan `start` on, shape (scans, addresses)."""
+        """Return samples of each address at equidistant instants from scan `start` on, shape (scans, addresses)."""
         count, gyro_v, thermistor_v = self.inputs.sample(first_s, interval_s, scans, start=start)
         count = count - self.zero
         samples = np.empty((scans, len(scan_list)), np.uint16)
-        upper: IntArray | int = 0  # what DATA_CAPTURE_16 gives: the upper half of the number before it
+        upper: IntArray | int = 0  # value of DATA_CAPTURE_16: the upper half of the number before it
         for place, address in enumerate(scan_list):
             if address == DATA_CAPTURE_16:
                 samples[:, place] = upper

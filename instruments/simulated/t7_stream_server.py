@@ -1,7 +1,7 @@
-"""The stream of a simulated T7: scans when they are due, packets, and the second socket on which it sends them.
+"""The stream of a simulated T7: scans when they are due, packets, and the second socket that carries them.
 
-The instrument's buffer holds what the wire does not take. When it is full, scans are skipped and counted; once the wire
-has taken what was kept, a dummy scan marks the gap and scanning goes on: `protocols.t7_stream` shows it.
+The instrument's buffer holds the data that the wire does not take. When it is full, scans are skipped and counted; once
+the wire has taken the stored data, a dummy scan marks the gap and scanning continues, as in `protocols.t7_stream`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from benchctl_instruments.protocols.t7_stream import (
     SKIP_OVERFLOW,
     encode_packets,
 )
-from benchctl_instruments.simulated.faults.schedule import Faults
+from benchctl_instruments.simulated.faults.schedule import PendingFaults
 from benchctl_instruments.simulated.faults.stream_faults import (
     JUNK,
     Overrun,
@@ -42,16 +42,16 @@ from benchctl_instruments.simulated.tcp_server import address_of, listen
 
 MOST_SAMPLES_A_SECOND = 100_000
 LARGEST_BATCH = 8192
-ROUNDING = 1e-6  # of a scan interval: how long after its instant a scan counts as past
+ROUNDING = 1e-6  # in scan intervals: the delay after its instant at which a scan counts as past
 
 Samples = npt.NDArray[np.uint16]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamSettings:
-    """What a stream was asked to be.
+    """The requested settings of a stream.
 
-    `sample` gives (start, scans) -> samples of that many scans from scan `start` on, shape (scans, `scan_length`).
+    `sample` maps (start, scans) to samples of `scans` scans from scan `start` on, shape (scans, `scan_length`).
     """
 
     first_s: float
@@ -63,7 +63,7 @@ class StreamSettings:
 
 
 class StreamBuffer:
-    """One stream, from its start to its end; no thread and no socket of its own.
+    """One stream, from its start to its end, without thread and socket.
 
     Attributes
     ----------
@@ -76,38 +76,38 @@ class StreamBuffer:
         self.packet_bytes = 16 + 2 * settings.samples_per_packet
         self._settings = settings
         self._taken = 0  # scans sampled or skipped
-        self._rest: Samples = np.empty(0, np.uint16)  # what fills no packet yet
+        self._rest: Samples = np.empty(0, np.uint16)  # samples that do not fill a packet yet
         self._transaction = 0
         self._kept_until: int | None = None  # while it recovers: the first scan that is skipped
-        self._to_skip = 0  # an overrun that was asked for: it ends when so many are due
+        self._to_skip = 0  # scans of a requested overrun, which ends when they are due
         overlaps = settings.rate_hz * settings.scan_length > MOST_SAMPLES_A_SECOND
         self._announcement = (SCAN_OVERLAP, 0) if overlaps else None  # status and additional of the next packet
 
     def due(self, now_s: float) -> int:
-        """How many scans should have been taken by now."""
+        """Return the number of scans due by now."""
         return max(0, math.floor((now_s - self._settings.first_s) * self._settings.rate_hz - ROUNDING) + 1)
 
     def instant_s(self, scan: int) -> float:
-        """When a scan is taken."""
+        """Return the instant of a scan."""
         return self._settings.first_s + scan / self._settings.rate_hz
 
     @property
     def next_packet_s(self) -> float:
-        """When the next packet will be full."""
+        """The time when the next packet will be full."""
         return self.full_s(0)
 
     def full_s(self, ahead: int) -> float:
-        """When the packet will be full before which there are `ahead` others."""
+        """Return the time when the packet after the next `ahead` packets will be full."""
         last = self._taken + self._to_skip + self._scans_for(ahead + 1) - 1
         return self.instant_s(last) + 2.0 * ROUNDING / self._settings.rate_hz
 
     def begins_s(self, ahead: int) -> float:
-        """The instant of the first scan yet to be taken for the packet before which there are `ahead` others."""
+        """Return the instant of the first scan not yet taken of the packet after the next `ahead` packets."""
         return self.instant_s(self._taken + self._scans_for(ahead))
 
     @property
     def next_scan_s(self) -> float:
-        """When the next scan is taken, or should have been."""
+        """The instant of the next scan, which may be in the past."""
         return self.instant_s(self._taken)
 
     @property
@@ -116,17 +116,17 @@ class StreamBuffer:
         return self._transaction
 
     def overrun(self, scans: int) -> None:
-        """Behave as with a full buffer: the next `scans` scans are skipped, which is said and marked as ever."""
+        """Behave as with a full buffer: the next `scans` scans are skipped, reported and marked as usual."""
         self._kept_until, self._to_skip = self._taken, scans
 
     def fill(self, now_s: float, in_transit: int) -> None:
-        """Account for the scans due while the wire took nothing; those up to `in_transit` were on their way before."""
+        """Count scans that became due while the wire took nothing; those up to `in_transit` had been sent before."""
         room = self._settings.buffer_bytes // (2 * self._settings.scan_length)
         if self._kept_until is None and self.due(now_s) - in_transit > room:
             self._kept_until = in_transit + room
 
     def packets(self, now_s: float, *, most: int | None = None) -> bytes:
-        """The packets that a batch of due scans fills, `most` of them at most; b"" where none is full yet."""
+        """Return the packets filled by a batch of due scans, at most `most` of them, or b""."""
         due = self.due(now_s)
         if self._kept_until is not None and self._taken >= self._kept_until:
             if due - self._taken < self._to_skip:
@@ -141,7 +141,7 @@ class StreamBuffer:
         return self._full_packets(due)
 
     def finish(self, now_s: float) -> None:
-        """Take the scans that are due and fit: how many are sampled must not depend on how far the sender had come."""
+        """Take all due scans that fit, so that their number does not depend on the progress of the sender."""
         if self._to_skip:
             self._kept_until, self._to_skip = None, 0
         self.fill(now_s, in_transit=self._taken)
@@ -149,12 +149,12 @@ class StreamBuffer:
             self.packets(now_s)
 
     def _scans_for(self, packets: int) -> int:
-        """How many scans are yet to be taken until so many packets are full."""
+        """Return the number of scans needed to fill `packets` packets."""
         missing = packets * self._settings.samples_per_packet - len(self._rest)
         return max(0, math.ceil(missing / self._settings.scan_length))
 
     def _end_recovery(self, due: int) -> None:
-        skipped = max(1, due - self._taken)  # the dummy scan stands for the first of them
+        skipped = max(1, due - self._taken)  # the dummy scan replaces the first of them
         self._kept_until, self._to_skip = None, 0
         self._taken += skipped
         self._rest = np.concatenate((self._rest, np.full(self._settings.scan_length, DUMMY, np.uint16)))
@@ -172,12 +172,12 @@ class StreamBuffer:
             if status[0] != AUTO_RECOVER_END:
                 self.over, count = True, 1
             self._announcement = None
-        whole, self._rest = self._rest[: count * width].reshape(count, width), self._rest[count * width :]
+        complete, self._rest = self._rest[: count * width].reshape(count, width), self._rest[count * width :]
         behind = (due - self._taken) * self._settings.scan_length + len(self._rest)
         waiting = behind + width * np.arange(count - 1, -1, -1)
         first_transaction, self._transaction = self._transaction, self._transaction + count
         return encode_packets(
-            whole,
+            complete,
             first_transaction=first_transaction,
             backlog_bytes=2 * np.maximum(waiting, 0),
             status=status[:count],
@@ -185,21 +185,21 @@ class StreamBuffer:
         )
 
 
-SEND_BUFFER_BYTES = 1 << 16  # small, as in the instrument: a client that does not read is noticed
-MOST_AHEAD = 256  # packets that are asked about, and sampled, at once
-PATIENCE_S = 0.02  # wall time between two looks at what else might have changed
+SEND_BUFFER_BYTES = 1 << 16  # small, as in the instrument: a client that does not read is detected
+MOST_AHEAD = 256  # packets that are checked for faults, and sampled, at once
+PATIENCE_S = 0.02  # wall time between two checks for other changes
 
 
 class T7StreamServer:
-    """Sends the packets of one stream after the other to the client that connected last.
+    """Sends the packets of successive streams to the latest client.
 
-    While no stream runs it only waits, so that bench time may jump at no cost. What falls due in one jump counts as on
-    its way to the client; only what falls due while the wire takes nothing fills the instrument's buffer. A new client
-    gets whole packets. `faults` befall the packets of streams that begin from now on.
+    It only waits while no stream runs, so that bench time may jump at no cost. Scans that become due in one jump count
+    as sent; only scans that become due while the wire takes nothing fill the instrument's buffer. A new client receives
+    complete packets. `faults` apply to the packets of later streams.
     """
 
     def __init__(self, inputs: AnalogInputs, *, host: str, port: int) -> None:
-        self.faults: Faults[StreamFault] | None = None
+        self.faults: PendingFaults[StreamFault] | None = None
         self._inputs = inputs
         self._where = (host, port)
         self._listener: socket.socket | None = None
@@ -211,7 +211,7 @@ class T7StreamServer:
 
     @property
     def address(self) -> str:
-        """`tcp://HOST:PORT`, with the port that was really taken once it runs."""
+        """`tcp://HOST:PORT`, with the actual port while it runs."""
         return address_of(self._where)
 
     def start(self) -> None:
@@ -243,16 +243,16 @@ class T7StreamServer:
         return self._stream is not None
 
     def begin(self, stream: StreamBuffer) -> None:
-        """Send this stream from now on."""
+        """Start to send a stream."""
         with self._changed:
             self._inputs.hold_history(stream.next_scan_s)
             self._stream = stream
             self._changed.notify_all()
 
     def end(self) -> None:
-        """End the stream once every scan that is due was taken.
+        """End the stream after taking every due scan.
 
-        After this has returned nothing is sampled and nothing sent: a client of the next stream gets only that one.
+        After the return nothing is sampled or sent, so that a client of the next stream receives only that one.
         """
         with self._changed:
             if self._stream is not None:
@@ -283,8 +283,10 @@ class T7StreamServer:
             elif stream.next_packet_s > self._inputs.now():
                 self._inputs.wait_until(stream.next_packet_s, PATIENCE_S)
 
-    def _run_with_faults(self, stream: StreamBuffer, listener: socket.socket, faults: Faults[StreamFault]) -> None:
-        """As `_run`; a packet that a fault befalls goes by itself, behind the sound ones before it."""
+    def _run_with_faults(
+        self, stream: StreamBuffer, listener: socket.socket, faults: PendingFaults[StreamFault]
+    ) -> None:
+        """Do the same as `_run`, but send a packet with a fault separately, after the valid ones before it."""
         sound, fault, lost = 0, None, 0
         while self._stream is stream:
             now_s = self._inputs.now()
@@ -371,9 +373,9 @@ class T7StreamServer:
                 select.select([listener], [self._client] if self._client else [], [], PATIENCE_S)
 
     def _accept(self, listener: socket.socket) -> None:
-        """Take the newest of those who have connected since the last look."""
+        """Accept the latest of all waiting clients."""
         while select.select([listener], [], [], 0)[0]:
-            with contextlib.suppress(OSError):  # it is gone already
+            with contextlib.suppress(OSError):  # it is disconnected already
                 self._take(listener.accept()[0])
 
     def _take(self, client: socket.socket) -> None:
@@ -390,7 +392,7 @@ class T7StreamServer:
             return self._client.send(data)
         except BlockingIOError:
             return 0
-        except OSError:  # it went away
+        except OSError:  # it disconnected
             self._drop_client()
             return 0
 

@@ -1,4 +1,4 @@
-"""A threaded TCP server for simulated instruments: it knows connections, and nothing of what is said on them."""
+"""A threaded TCP server for simulated instruments: it handles connections, independent of their protocol."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Where = tuple[str, int]
 
 
 def address_of(where: Where) -> str:
-    """`tcp://HOST:PORT`, an IPv6 host in brackets."""
+    """Return `tcp://HOST:PORT`, with an IPv6 host in brackets."""
     host, port = where
     return f"tcp://{f'[{host}]' if ':' in host else host}:{port}"
 
 
 def listen(where: Where) -> tuple[socket.socket, Where]:
-    """A listening socket, and where it really listens; `UsageError` where the port is taken or may not be used."""
+    """Return a listening socket and its actual address; raises `UsageError` if the port is in use or not permitted."""
     host = where[0]
     try:
         listener = socket.create_server(where, family=socket.AF_INET6 if ":" in host else socket.AF_INET)
@@ -34,12 +34,12 @@ def listen(where: Where) -> tuple[socket.socket, Where]:
     return listener, (host, listener.getsockname()[1])
 
 
-_SLICE_S = 0.005  # a paced reply leaves in slices of this much line time
+_SLICE_S = 0.005  # line time of one slice of a paced reply
 _BITS_PER_BYTE = 10  # start, eight data, stop
 
 
 class Startable(Protocol):
-    """What serves from `start()` to `stop()`, or in a `with`."""
+    """A server from `start()` to `stop()`, or in a `with`."""
 
     def start(self) -> None:
         """Serve; when it returns, a client can connect."""
@@ -56,21 +56,21 @@ class Startable(Protocol):
 
 
 class TcpServer(Startable):
-    """Serves one `Conversation` per connection, each on a daemon thread of its own.
+    """Serves one `Conversation` per connection, each on its own daemon thread.
 
     Parameters
     ----------
     converse
-        Makes the conversation of a new connection.
+        Creates the conversation of a new connection.
     host, port
-        Where to listen; port 0 takes a free one, `address` then says which.
+        Where to listen; port 0 takes a free one, which `address` then contains.
     pace_baud
-        Replies leave no faster than a serial line of that many bits a second lets them (10 bits a byte, wall time).
+        Replies are sent no faster than over a serial line of this speed in bits per second (10 bits a byte, wall time).
 
     Attributes
     ----------
     faults
-        What befalls the requests on connections that are made from now on; None: nothing.
+        The faults of requests on later connections; None: no faults.
     """
 
     def __init__(
@@ -89,14 +89,14 @@ class TcpServer(Startable):
         self._acceptor: threading.Thread | None = None
         self._wake: socket.socket | None = None
         self._stopping = threading.Event()
-        self._away_until_s = 0.0  # by the wall: until then it does not listen
+        self._away_until_s = 0.0  # wall time until which it does not listen
         self._gone = threading.Event()
         self._lock = threading.Lock()
         self._connections: dict[socket.socket, threading.Thread] = {}
 
     @property
     def address(self) -> str:
-        """`tcp://HOST:PORT`, with the port that was really taken once it runs."""
+        """`tcp://HOST:PORT`, with the actual port while it runs."""
         return address_of(self._where)
 
     def start(self) -> None:
@@ -116,7 +116,7 @@ class TcpServer(Startable):
         """Close everything and join every thread; safe to call twice. `start` serves at the same port again."""
         self._stopping.set()
         if self._acceptor is not None and self._wake is not None:
-            with contextlib.suppress(OSError):  # it was away, and has ended by itself
+            with contextlib.suppress(OSError):  # during a simulated absence it has closed already
                 self._wake.send(b"!")
             self._acceptor.join()
             self._wake.close()
@@ -124,11 +124,11 @@ class TcpServer(Startable):
         self.cut_connections()
 
     def cut_connections(self) -> None:
-        """Close every present connection, as a pulled cable does, and go on listening."""
+        """Close every present connection, as a pulled cable does, and continue to listen."""
         with self._lock:
             present = dict(self._connections)
         for connection, thread in present.items():
-            with contextlib.suppress(OSError):  # it may have ended by itself meanwhile
+            with contextlib.suppress(OSError):  # it may have closed meanwhile
                 connection.shutdown(socket.SHUT_RDWR)
             if thread is not threading.current_thread():
                 thread.join()
@@ -150,7 +150,7 @@ class TcpServer(Startable):
             if awake in ready:
                 awake.recv(1)
                 return
-            with contextlib.suppress(OSError):  # a client that gave up before it was accepted
+            with contextlib.suppress(OSError):  # a client that disconnected before it was accepted
                 connection, _ = listener.accept()
                 self._begin(connection)
 
@@ -169,7 +169,7 @@ class TcpServer(Startable):
             else:
                 self._talk_with_faults(connection, self.faults.on(self._converse()))
         except ConnectionError:
-            pass  # the client went away, or the connection was cut: either way it is over
+            pass  # the client disconnected, or the connection was cut: both end it
         finally:
             with self._lock:
                 del self._connections[connection]
@@ -196,7 +196,7 @@ class TcpServer(Startable):
         if self._stopping.is_set() or self._wake is None:
             return
         self._away_until_s = time.monotonic() + for_s
-        with contextlib.suppress(OSError):  # it is being stopped at this moment
+        with contextlib.suppress(OSError):  # the server is being stopped
             self._wake.send(b"!")
         self._gone.wait(for_s)
         self.cut_connections()
@@ -208,7 +208,7 @@ class TcpServer(Startable):
             self._send_paced(connection, reply, self._pace_baud)
 
     def _send_paced(self, connection: socket.socket, reply: bytes, baud: int) -> None:
-        """The last byte of a slice arrives when a line would have carried it."""
+        """Send a reply so that the last byte of a slice arrives when a line would have carried it."""
         size = max(1, int(baud * _SLICE_S / _BITS_PER_BYTE))
         started_s = time.monotonic()
         for first in range(0, len(reply), size):

@@ -2,7 +2,7 @@
 
 Register numbers: EspecNorthAmerica/ChamberConnectLibrary (watlowf4.py); 101, 102, 106, 302 to 331 F4P user manual,
 Watlow 2003, chapter 9. Profiles are stored, shown, started, held and ended; a started one switches the events of its
-step, stays there and leaves the set point alone. The clock shows what was written to it and does not run.
+step, does not advance and does not change the set point. The clock shows the last time written to it and does not run.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ EVENTS = 8
 CELSIUS, RTD = 1, 1
 CONSTANT, RUNNING, HELD = 0, 2, 3  # register 200
 MOST_PROFILES, MOST_STEPS = 40, 256
-STEP, STEP_WORDS, TARGET = 4003, 60, 4044  # the step that 4000 and 4001 choose
+STEP, STEP_WORDS, TARGET = 4003, 60, 4044  # the step that 4000 and 4001 select
 STEP_EVENTS = slice(4030 - STEP, 4038 - STEP)
 NO_STEP, END = [6], [5, *[0] * (STEP_WORDS - 1)]  # the type, then its parameters
 CREATE, INSERT, DELETE, START = 1, 2, 3, 5  # register 4002
@@ -57,14 +57,14 @@ CONSTANTS = {
 
 @dataclass(slots=True, kw_only=True)
 class LatchedAlarm:
-    """A process alarm: latched when the air is found beyond its set points, until it is cleared with the air inside."""
+    """A process alarm: latched when the air is beyond its set points, until it is cleared with the air inside."""
 
     low_c: float
     high_c: float
     state: int = 0
 
     def look(self, air_c: float) -> int:
-        """The status register: 0 off, 1 high, 2 low."""
+        """Return the status register: 0 off, 1 high, 2 low."""
         if air_c > self.high_c:
             self.state = HIGH
         elif air_c < self.low_c:
@@ -73,25 +73,25 @@ class LatchedAlarm:
 
 
 class SimulatedWatlowF4(ModbusRtuServer):
-    """A Watlow F4S on a simulated serial line, from `start()` to `stop()` or in a `with`; a driver takes its `address`.
+    """A Watlow F4S on a simulated serial line, from `start()` to `stop()` or in a `with`; a driver uses its `address`.
 
     Parameters
     ----------
     chamber
-        What it controls.
+        The chamber machine.
     decimals
-        Digits behind the implied decimal point, 0 to 2 (register 606).
+        Digits after the implied decimal point, 0 to 2 (register 606).
     unit_id
         Its Modbus address.
     on_event
         The event wired to conditioning; None: the chamber has power and conditions.
     pace_baud
-        Bytes move as a line at this speed would let them; None: at once.
+        Simulated speed of the line; None: no delay.
     over_tcp
         Serial over TCP instead of a pseudo-terminal.
 
-    `input_error` (register 101) and `mode` (register 200) may be set by hand. An air temperature beyond what its sensor
-    measures is an input error too.
+    `input_error` (register 101) and `mode` (register 200) may be assigned. An air temperature outside the range of its
+    sensor is an input error too.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class SimulatedWatlowF4(ModbusRtuServer):
         self._events = [0] * EVENTS
         self._alarms = (LatchedAlarm(low_c=-75.0, high_c=185.0), LatchedAlarm(low_c=-80.0, high_c=190.0))
         self._profiles: dict[int, list[list[int]]] = {}  # by number: its steps, each the words from 4003 on
-        self._chosen = [1, 1]  # registers 4000 and 4001: profile and step that 4003 and the following show
+        self._chosen = [1, 1]  # registers 4000 and 4001: profile and step shown in 4003 and the following
         self._started = [0, 0]
         self.input_error = 0
         self.mode = CONSTANT
@@ -179,7 +179,7 @@ class SimulatedWatlowF4(ModbusRtuServer):
         self._chosen[place] = number
 
     def _step(self, profile: int, step: int) -> list[int]:
-        """The words of a step; type 6 where there is none."""
+        """Return the words of a step; type 6 if it does not exist."""
         steps = self._profiles.get(profile, [])
         return steps[step - 1] if 1 <= step <= len(steps) else [*NO_STEP, *[0] * (STEP_WORDS - 1)]
 

@@ -1,8 +1,8 @@
 """A simulated chamber with a Watlow F4T controller: its registers over a chamber machine, served as Modbus TCP or RTU.
 
 Register numbers: EspecNorthAmerica/ChamberConnectLibrary (watlowf4t.py); 1328, 2794 to 2798, 6730 Watlow's and
-TestEquity's F4T manuals. No profile is stored: one that is started runs, and stays where it is. The clock shows what
-was written to it and does not run.
+TestEquity's F4T manuals. No profile is stored: a started one runs, but does not advance. The clock shows the last time
+written to it and does not run.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ FUNCTIONS_OF = {6: "D", 8: "E", 14: "F"}  # of the part number, by alarms; all t
 KEYS, LOOPS = 4, 4
 EVENT_ADDRESSES = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
 OUTPUTS = range(33718, 33718 + 6 * 240)  # six modules
-AIR_DECIMALS = 3  # what its converter resolves
+AIR_DECIMALS = 3  # resolution of its converter
 PROFILES = 40
 LIMIT_MODULE = 60 * (5 - 1)  # the only one, in slot 5
 MEMORY = {
     1328: (CELSIUS, 0),  # unit on the panel
-    ETHERNET_UNIT: (CELSIUS, 0),  # of the temperatures that come by it
+    ETHERNET_UNIT: (CELSIUS, 0),  # of the temperatures on this bus
     SERIAL_UNIT: (CELSIUS, 0),
     14664: (12, 0, 0, 0, 0, 0, 1, 0, 1, 0, 2026, 0),  # clock: h, min, s, month, day, year
     16558: (1, 0, 1, 0),  # profile and step to start
@@ -74,30 +74,30 @@ OnBy = Literal["event", "toggle_key", "momentary_key", "nothing"]
 
 
 class SimulatedWatlowF4T(Served):
-    """A Watlow F4T, from `start()` to `stop()`, or in a `with`; a driver takes its `address`.
+    """A Watlow F4T, from `start()` to `stop()`, or in a `with`; a driver uses its `address`.
 
     Parameters
     ----------
     chamber
-        What it controls.
+        The chamber machine.
     word_order
-        Of its singles.
+        Word order of its singles.
     unit_id
         Its Modbus address.
     loop
         The control loop that the chamber is wired to; it is the last of its loops.
     alarms
-        How many it has: 6, 8 or 14.
+        The number of its alarms: 6, 8 or 14.
     on_by, on_number
-        What conditioning is wired to, an event or a key, and its number; "nothing": it conditions, having power.
+        The event or key to which conditioning is wired, and its number; "nothing": it conditions while it has power.
         The output 1 of module 1 is always on while the chamber runs.
     over_tcp
-        Modbus TCP; else RTU on a serial line, whose unit is another one.
+        Modbus TCP; otherwise RTU on a serial line, whose unit is another one.
     host, port, pace_baud
         See `ModbusTcpServer`.
 
     Its part number states its loops and alarms. `memory` (the units of the buses, 6730 and 14080), `profile_state`
-    (register 16568) and `control_mode` (2730, 2814) may be set by hand.
+    (register 16568) and `control_mode` (2730, 2814) may be assigned.
     """
 
     wire: Wire = MODBUS_TCP
@@ -150,7 +150,7 @@ class SimulatedWatlowF4T(Served):
             super().__init__(ModbusRtuServer(registers, unit_id=unit_id, baud=BAUD, pace_baud=pace_baud))
 
     def hold_alarm(self, number: int, code: int) -> None:
-        """An alarm shows a state from now on, until it is given another one."""
+        """Set the state of an alarm until it is set again."""
         self._alarms[number - 1] = code
 
     def _registers(self) -> list[Register]:
@@ -193,7 +193,7 @@ class SimulatedWatlowF4T(Served):
     def _temperature(
         self, address: int, get: Callable[[], float], put: Callable[[float], None] | None = None
     ) -> Register:
-        """A temperature in the unit of the bus."""
+        """Return registers of a temperature in the unit of the bus."""
 
         def shown() -> float:
             return get() * 1.8 + 32.0 if self.memory[self._unit_at] == FAHRENHEIT else get()
@@ -216,7 +216,7 @@ class SimulatedWatlowF4T(Served):
             self._chamber.run(state == ON)
 
     def _press(self, place: int, code: int) -> None:
-        """Press a key: 1457 switches a toggle key on and 1456 off; of a momentary key each 1457 starts or stops."""
+        """Press a key: 1457 switches a toggle key on and 1456 off; each 1457 of a momentary key starts or stops."""
         wired = place == self._on_place
         if wired and self._on_by == "momentary_key":
             if code == DOWN:
@@ -228,10 +228,10 @@ class SimulatedWatlowF4T(Served):
 
 
 class F4TRegisters(RegisterTable):
-    """The F4T's registers; an output that is not fitted is no illegal address but a failure of the device."""
+    """The F4T's registers; an output that is not fitted gives a device failure instead of an illegal address."""
 
     def read(self, address: int, count: int) -> list[int]:
-        """`count` words from `address` on."""
+        """Return `count` words from `address` on."""
         try:
             return super().read(address, count)
         except ModbusRefusal as refusal:

@@ -1,10 +1,10 @@
-"""The simulated bench without any wire: a table, a chamber and a gyro on terminals, sharing one clock.
+"""The simulated bench without links: a table, a chamber and a gyro with its terminals, sharing one clock.
 
-`Terminals` are what the digitizer's terminals see: the encoder's count, the gyro's volts and its thermistor's, at even
-intervals. Up to the gyro's electronics the chain runs on the internal grid; scans are interpolated from it (angle by a
-cubic through angles and rates, volts straight) and get the sensor's noise. Where encoder and gyro have two clocks the
-gyro's volts are those of its own instants, all else of the encoder's. A gyro whose supply is off puts out 0 V; its
-thermistor goes on.
+`Terminals` are the digitizer's terminals: the encoder's count, the gyro's volts and its thermistor's, at equidistant
+instants. Up to the gyro's electronics the chain runs on the internal grid; scans are interpolated from it (angle by a
+cubic through angles and rates, volts linearly) and get the sensor's noise. If encoder and gyro have two clocks, the
+gyro's volts are sampled at its own instants, everything else at the encoder's. A gyro whose supply is off outputs 0 V;
+its thermistor still works.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-# The physics load these when they first need them; that takes a second, which a client would wait in vain.
+# The physics import these when first used; that takes a second, during which a client could time out.
 import scipy.signal
 import scipy.special  # noqa: F401
 
@@ -38,18 +38,18 @@ from benchctl_instruments.simulated.settings import WorldSettings
 
 _ROOM_S = 3600.0
 _NEXT_SCAN = 0.5
-"""Share of an interval by which a scan may miss its place in a stream."""
+"""Fraction of an interval by which a scan may deviate from its place in a stream."""
 
 
 class TwoClocks:
-    """Instants of encoder and gyro for the stamps of scans in the order of time; no bench can look ahead.
+    """Sampling instants of encoder and gyro for the stamps of scans, in the order of time and none in the future.
 
-    Only the shift between the gyro's instants and the encoder's is seen in a recording. Where the gyro would have to be
-    sampled in the future, the whole scan is therefore taken earlier: at stamp t the encoder is read at t − lead and the
-    gyro at t − lead + shift(t), neither after t. Within a stream the lead stays what it was at its start, with room for
-    an hour of drift, so that the encoder's rate is the table's; after that it follows the drift, and the encoder's rate
-    is wrong by as much. A stream begins with what the table did a lead before: milliseconds for an offset, but a second
-    for a clock that has been fast by 100 ppm for three hours.
+    Only the shift between the gyro's instants and the encoder's is visible in a recording. If the gyro would have to be
+    sampled in the future, the complete scan is therefore taken earlier: at stamp t the encoder is read at t − lead and
+    the gyro at t − lead + shift(t), neither after t. Within a stream the lead is constant, with room for an hour of
+    drift, so that the encoder's rate is the table's; after that the lead follows the drift, and the encoder's rate is
+    wrong by the drift. A stream begins with the table's motion one lead earlier: milliseconds for an offset, but a
+    second for a clock that has been fast by 100 ppm for three hours.
     """
 
     def __init__(self, effects: Sequence[ClockEffect]) -> None:
@@ -58,7 +58,7 @@ class TwoClocks:
         self._lead_s = 0.0
 
     def instants(self, stamps_s: FloatArray, interval_s: float) -> tuple[FloatArray, FloatArray]:
-        """Instants [s] at which encoder and gyro are read for stamps [s], `interval_s` apart; each of shape (n,)."""
+        """Return the instants [s] of encoder and gyro for stamps [s] `interval_s` apart; each of shape (n,)."""
         if abs(stamps_s[0] - self._next_s) > _NEXT_SCAN * interval_s:
             ends_s = self._shift_s(stamps_s[0] + np.array([0.0, _ROOM_S]))
             self._lead_s = max(0.0, float(ends_s.max()))
@@ -68,12 +68,12 @@ class TwoClocks:
         return encoder_s, encoder_s + shift_s
 
     def reach_s(self, stamp_s: float) -> float:
-        """How much further back than a stamp may have to be read."""
+        """Return how long before a stamp [s] instants may be."""
         ends_s = self._shift_s(stamp_s + np.array([0.0, _ROOM_S]))
         return float(max(0.0, ends_s.max()) + max(0.0, -ends_s.min()))
 
     def _shift_s(self, stamps_s: FloatArray) -> FloatArray:
-        """How far the gyro's instants are ahead of their stamps; several effects add up."""
+        """Return how far the gyro's instants are after their stamps; several effects add up."""
         shift_s = np.zeros_like(stamps_s)
         for effect in self._effects:
             shift_s += effect.gyro_time_s(stamps_s)
@@ -82,16 +82,16 @@ class TwoClocks:
 
 
 _BLOCK = 32_768
-"""Instants of the grid that are computed at once: few enough to stay in the processor's cache."""
+"""Grid instants computed at once: few enough to fit into the processor's cache."""
 
 _LONGEST_WARM_UP_S = 60.0
-"""Filters that remember longer start from the best that is known so long before."""
+"""Longest warm-up; filters with a longer memory start from the steady state at this time before."""
 
 _EARLY_S = 2e-9
-"""How much ahead of the clock a scan may lie: the rounding of instants that are days away."""
+"""How far a scan may be ahead of the clock: the rounding of instants that are days away."""
 
 _ROUNDING = 1e-6
-"""Instants of the grid; a scan that is meant to fall on one may miss it by that much."""
+"""Tolerance, in grid intervals, for a scan to coincide with an instant of the grid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,22 +144,22 @@ class Terminals:
         self._memory: Mapping[str, FloatArray] = {}
 
     def now(self) -> float:
-        """Bench time [s]."""
+        """Return the bench time [s]."""
         return self._timebase.now()
 
     def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
-        """Block until an instant of bench time, at most `timeout_s` of wall time; whether it has come."""
+        """Block until an instant of bench time, at most `timeout_s` of wall time; return whether it was reached."""
         return self._timebase.clock.wait_until(bench_time_s, timeout_s)
 
     def hold_history(self, since_s: float | None) -> None:
-        """Keep the motion since an instant; None: no more needed."""
+        """Keep the motion since an instant; None: no longer needed."""
         with self._timebase.lock:
             self._timebase.held_since_s = since_s
 
     def sample(
         self, first_s: float, interval_s: float, scans: int, *, start: int = 0
     ) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Quadrature count, gyro volts, thermistor volts at first + (start + i)·interval, i < scans: shape (scans,)."""
+        """Return count, gyro volts, thermistor volts at first + (start + i)·interval, i < scans: shape (scans,)."""
         counts = np.empty(scans, np.int64)
         gyro_v, thermistor_v = np.empty(scans), np.empty(scans)
         sampling: Baseline = {"sampling": self._with_noise}
@@ -192,11 +192,11 @@ class Terminals:
             raise UsageError(f"cannot sample at {last_s:.6f} s: it is {now:.6f} s, wait until then")
 
     def _reach_s(self, stamp_s: float) -> float:
-        """How much further back than the horizon of memory the gyro's instants and the filters' start may lie."""
+        """Return how long before the kept history the gyro's instants and the start of filters may be."""
         return self._warm_up_s + (0.0 if self._clocks is None else self._clocks.reach_s(stamp_s))
 
     def _before_sampling(self, times_s: FloatArray, interval_s: float) -> Signals:
-        """As `_at_scans`; who reads one input after the other asks for one instant several times."""
+        """Do the same as `_at_scans`, with a cache for a client that reads several inputs at one instant."""
         if times_s.size > 1 or self._clocks is not None:
             return self._at_scans(times_s, interval_s)
         instant = float(times_s[0]), interval_s
@@ -205,12 +205,12 @@ class Terminals:
         return replace(self._last_instant[1], first_index=self._scanned, memory=self._memory)
 
     def _at_scans(self, times_s: FloatArray, interval_s: float) -> Signals:
-        """The chain up to the electronics, interpolated to the instants of scans."""
+        """Return the chain up to the electronics, interpolated to the instants of scans."""
         encoder_s = gyro_s = times_s
         if self._clocks is not None:
             encoder_s, gyro_s = self._clocks.instants(times_s, interval_s)
         position = gyro_s * self._timebase.grid_hz
-        # the cell that ends at or after each: the one behind an instant may not be known yet
+        # the cell that ends at or after each instant: the next one may not be known yet
         low = np.ceil(position - _ROUNDING).astype(np.int64) - 1
         grid = self._computed(int(low[0]), int(low[-1]) + 1)
         share = position - low
@@ -246,26 +246,26 @@ class Terminals:
         )
 
     def _of_air(self, times_s: FloatArray) -> Mapping[str, FloatArray]:
-        """The chamber's air and the way of its set point, where an effect asks for them."""
+        """Return the chamber's air and the direction of its set point if an effect needs them."""
         if not self._feels_air:
             return {}
         air_c, way = self._climate.air(times_s)
         return {CHAMBER_C: air_c, SETPOINT_WAY: way}
 
     def _computed(self, first: int, last: int) -> _Stretch:
-        """The grid from an instant to another, continued from what was computed before where that is near."""
+        """Return the grid between two instants, continued from the last computed part if that is near."""
         known = self._grid
         if known is None or not known.first <= first <= known.end + self._warm_up:
             known = _Stretch(first - self._warm_up, np.empty((5, 0)))
         if known.end <= last:
             parts = [self._run(installed, *ends) for installed, *ends in self._installation.over(known.end, last)]
             known = _Stretch(known.first, np.concatenate([known.columns, *parts], axis=1))
-        # the next scan may lie in the last cell
+        # the next scan may be in the last cell
         self._grid = _Stretch(known.end - 2, known.columns[:, -2:].copy())
         return known
 
     def _run(self, installed: Installed, start: int, last: int) -> FloatArray:
-        """The rows of a `_Stretch` over which the gyro stands as it does, going on from what was run before."""
+        """Return the columns of a `_Stretch` during which the installation is constant, continuing the previous run."""
         baseline, effects = self._law_of(installed)
         signals = run_chain(self._on_grid(start, last), baseline, effects, GRID_STAGES)
         self._memory = signals.memory
@@ -280,7 +280,7 @@ class Terminals:
         )
 
     def _law_of(self, installed: Installed) -> tuple[Baseline, Sequence[Effect]]:
-        """The gyro's stages and effects as it stands and came up; those of its last state are kept."""
+        """Return the gyro's stages and effects for an installation; the latest ones are cached."""
         if self._law is None or self._law[0] is not installed:
             since_s = installed.on_since_s
             effects = self._effects if since_s is None else warming_up_since(self._effects, since_s)
@@ -288,7 +288,7 @@ class Terminals:
         return self._law[1:]
 
     def _on_grid(self, start: int, last: int) -> Signals:
-        """The true motion and temperatures, before any stage."""
+        """Return the true motion and temperatures, before any stage."""
         times_s = np.arange(start, last + 1) / self._timebase.grid_hz
         motion = self._axis.at(times_s)
         gyro = self._climate.gyro(times_s)
@@ -311,10 +311,10 @@ class Terminals:
         )
 
     def _with_noise(self, signals: Signals) -> Signals:
-        """The baseline of the sampling stage: encoder, thermistor, noise and the output's limit."""
+        """Apply the baseline of the sampling stage: encoder, thermistor, noise and the output's limit."""
         scans = signals.time_s.size
         volts = signals.output_v + self._white.draw(scans, self._sensor.white_v(signals.interval_s))
-        # two readers may each look at the clock before either samples: the later one then finds the bias as it is
+        # of two readers that sample out of order, the later one gets the present bias
         volts += self._walk.at(np.maximum(signals.time_s, self._walk.last_s))
         np.clip(volts, -self._sensor.output_limit_v, self._sensor.output_limit_v, out=volts)
         warm = self._thermistor.draw(scans, self._settings.chamber.thermistor_noise_c)
@@ -327,7 +327,7 @@ class Terminals:
 
 
 def _cubic(left: FloatArray, right: FloatArray, share: FloatArray, interval_s: float) -> FloatArray:
-    """Angles between instants of the grid, through angles (row 0) and rates (row 1) at both ends; shape (n,)."""
+    """Return angles between grid instants, from angles (row 0) and rates (row 1) at both ends; shape (n,)."""
     step = right[0] - left[0]
     before, after = left[1] * interval_s - step, right[1] * interval_s - step
     rest = 1.0 - share
@@ -336,24 +336,24 @@ def _cubic(left: FloatArray, right: FloatArray, share: FloatArray, interval_s: f
 
 
 OTHER_NOISE = 1 << 32
-"""What is added to the seed for the noise of a second gyro."""
+"""Added to the seed for the noise of a second gyro."""
 
 
 class World:
-    """The bench's physics behind `benchctl_instruments.simulated.machines`, safe from any thread.
+    """The bench's physics behind `benchctl_instruments.simulated.machines`. Thread-safe.
 
-    Nothing is computed until it is asked for. Motion and temperatures are known in closed form between demands, so that
-    a jump of hours costs no more than one of a second; only what is sampled runs through the gyro's electronics,
-    instant by instant. The same settings, demands and samples give the same volts.
+    Computation is lazy. Motion and temperatures are known in closed form between demands, so that a jump of hours costs
+    no more than one of a second; only samples run through the gyro's electronics, instant by instant. The same
+    settings, demands and samples give the same volts.
 
     Parameters
     ----------
     clock
         Bench time.
     settings
-        What the bench obeys; the defaults where none are given.
+        Settings of the bench; by default the default settings.
     effects
-        Physics beside the baseline, by stage of `benchctl_instruments.physics.chain`.
+        Effects in addition to the baseline, by stage of `benchctl_instruments.physics.chain`.
     """
 
     def __init__(
@@ -376,7 +376,7 @@ class World:
         self._timebase, self._axis, self._climate, self._effects = timebase, axis, climate, tuple(effects)
 
     def power(self, on: bool) -> None:
-        """Switch the gyro's supply: off it puts out 0 V, and on again it comes up anew, and warms up anew."""
+        """Switch the gyro's supply: off, it outputs 0 V; on, it has new turn-on errors and warms up again."""
         self._installation.power(on)
 
     def mount(self, position: Position) -> None:
@@ -384,10 +384,10 @@ class World:
         self._installation.mount(position)
 
     def second_gyro(self) -> AnalogInputs:
-        """The inside of another gyro of the same make on the same table: the same law, noise of its own.
+        """Return the analog inputs of a second gyro of the same make on the same table, with its own noise.
 
-        Of the effects it has those up to the electronics; what befalls samples is the digitizer's. Whoever reads it
-        changes nothing of what `inputs` give.
+        It has the effects up to the electronics; effects on samples belong to the digitizer. Reading it does not change
+        the samples of `inputs`.
         """
         settings = replace(self.settings, seed=self.settings.seed + OTHER_NOISE)
         inside = [effect for effect in self._effects if effect.stage in GRID_STAGES]

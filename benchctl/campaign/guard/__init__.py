@@ -1,1 +1,1 @@
-"""The guard: a process beside the runner that brings the bench to rest where the runner no longer can."""
+"""The guard: a separate process that brings the bench to rest if the runner no longer can."""

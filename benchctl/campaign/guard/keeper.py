@@ -1,7 +1,7 @@
 """The runner's end of the guard: started with the run, armed before anything moves, sent a beat at every look.
 
-A guard that dies, or no longer answers, is replaced without a stop: a campaign of days should not end because of it,
-and while the new one starts the runner itself still watches the bench. Where that does not help either, the run ends.
+A guard that dies, or no longer answers, is replaced without a stop, because a campaign of days should not end for this
+reason; while the new one starts, the runner itself still watches the bench. If this does not help either, the run ends.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from benchctl.own_process import own_process
 from benchctl_instruments.errors import BenchError, SafetyError, reason
 
 ANSWER_S = 30.0
-"""How long a guard may take to answer, wall time: its start takes a quarter of a second where nothing else runs."""
+"""Wall time that a guard may take to answer; its start takes a quarter of a second on an idle machine."""
 
 BEAT_EVERY_S = 0.5
-"""Wall time between two beats; a bench may be looked at much more often."""
+"""Minimum wall time between two beats; the bench may be looked at much more often."""
 
 
 class GuardChild:
-    """One guard's process, its two pipes, and a thread that hears its answers. Not tried on Windows.
+    """One guard process, its two pipes, and a thread that reads its answers. Not tested on Windows.
 
-    A beat that is not answered yet is not followed by another one: so no pipe is ever full, and no write waits.
+    While a beat is not answered, no other one is sent, so a pipe is never full and no write waits.
     """
 
     def __init__(self, orders: Orders) -> None:
@@ -48,7 +48,7 @@ class GuardChild:
         threading.Thread(target=self._listen, name=f"guard {self.pid}", daemon=True).start()
 
     def beat(self, patience_s: float, *, at_once: bool) -> None:
-        """Send a beat, unless one was sent just before or is not answered yet."""
+        """Send a beat, unless one was sent just before or is not answered yet; `at_once` sends it in any case."""
         now_s = time.monotonic()
         waits = self._said > self._heard
         if at_once or (not waits and now_s - self._said_at_s >= BEAT_EVERY_S):
@@ -58,16 +58,16 @@ class GuardChild:
             self.say(f"{BEAT} {patience_s:.3f}")
 
     def say(self, word: str) -> None:
-        """Send a word; a broken pipe shows in `gone`."""
+        """Send a line; a broken pipe shows in `gone`."""
         with contextlib.suppress(OSError):
             self._stdin.write(f"{word}\n".encode())
 
     def answers(self) -> bool:
-        """Wait for the answer to the first beat; whether it came in time."""
+        """Wait for the answer to the first beat; return whether it came in time."""
         return self._first_answer.wait(ANSWER_S) and self._heard > 0
 
     def gone(self) -> str:
-        """Why it cannot be relied upon; empty where it can."""
+        """Return why the guard cannot be relied upon; empty if it can."""
         if self._ended:
             return f"ended (exit status {self._process.returncode})"
         if self._said > self._heard and time.monotonic() - self._unanswered_since_s > ANSWER_S:
@@ -75,11 +75,11 @@ class GuardChild:
         return ""
 
     def end(self) -> None:
-        """End the pipe to it."""
+        """Close the pipe to the guard."""
         self._stdin.close()
 
     def kill(self) -> None:
-        """End it without a word, so that it does nothing."""
+        """Kill the guard without a message, so that it does not act."""
         self._process.kill()
         self._stdin.close()
 
@@ -94,49 +94,49 @@ class GuardChild:
 
 
 MOST_REPLACED = 3
-"""Guards that may die in one run: what kills them will kill the next one too."""
+"""Number of guards that may die in one run: what kills them will also kill the next one."""
 
 Event = Callable[..., None]
 
 
 class Guard(Protocol):
-    """Whoever brings the bench to rest where the runner no longer can.
+    """Brings the bench to rest if the runner no longer can.
 
-    `lost` says why there is nobody any more, `promise` what happens should the runner fail to bring it to rest.
+    `lost` states why there is no guard any more, `promise` what happens if the runner fails to bring the bench to rest.
     """
 
     lost: str
     promise: str
 
     def arm(self, event: Event) -> None:
-        """Make sure that it is there, before anything moves; `event` notes in the journal what happens to it."""
+        """Make sure that the guard runs, before anything moves; `event` records in the journal what happens to it."""
 
     def beat(self, more_s: float = 0.0) -> None:
-        """All is well, and it will be for `more_s` of wall time longer than usual until the next beat. Never raises."""
+        """Report that all is well; the next beat may come `more_s` of wall time later than usual. Never raises."""
 
     def done(self) -> None:
-        """The bench is at rest, read back."""
+        """Report that the bench is at rest and was read back."""
 
 
 class NoGuard:
-    """For a simulated bench in the runner's own process: it ends with it."""
+    """No guard, for a simulated bench in the runner's own process, which ends with the runner."""
 
     lost = ""
     promise = ""
 
     def arm(self, event: Event) -> None:
-        """No guard."""
+        """Do nothing."""
 
     def beat(self, more_s: float = 0.0) -> None:
-        """Nothing is sent."""
+        """Do nothing."""
 
     def done(self) -> None:
-        """Nothing to end."""
+        """Do nothing."""
 
 
 @contextmanager
 def guarded(bench: Bench, journal: Path) -> Iterator[Guard]:
-    """A guard that is starting; to be entered before the bench is opened, so that its links are closed when it acts."""
+    """Start a guard; enter this before the bench is opened, so that the bench's links are closed when it acts."""
     if bench.simulated:
         yield NoGuard()
         return
@@ -148,7 +148,7 @@ def guarded(bench: Bench, journal: Path) -> Iterator[Guard]:
 
 
 class GuardProcess:
-    """A guard in a process of its own; see `Guard`. Not tried on Windows."""
+    """A guard in a separate process; see `Guard`. Not tested on Windows."""
 
     def __init__(self, orders: Orders, hang_s: float) -> None:
         self.lost = ""
@@ -156,10 +156,10 @@ class GuardProcess:
         self._orders, self._hang_s = orders, hang_s
         self._event: Event = lambda kind, **data: None
         self._replaced = 0
-        self._child: GuardChild | None = GuardChild(orders)  # None: told that all is done, or lost
+        self._child: GuardChild | None = GuardChild(orders)  # None: finished, or lost
 
     def arm(self, event: Event) -> None:
-        """Make sure that it is there; `SafetyError` where it does not answer."""
+        """Make sure that the guard runs; raises `SafetyError` if it does not answer."""
         self._event = event
         self.beat()
         child = self._child
@@ -169,7 +169,7 @@ class GuardProcess:
         self._note(f"process {child.pid} guards the run")
 
     def beat(self, more_s: float = 0.0) -> None:
-        """All is well; starts another guard where this one is gone."""
+        """Report that all is well; start another guard if this one is gone."""
         if self._child is None:
             return
         if why := self._child.gone():
@@ -178,19 +178,19 @@ class GuardProcess:
             self._child.beat(self._hang_s + more_s, at_once=more_s > 0)
 
     def done(self) -> None:
-        """The bench is at rest: the guard may go."""
+        """Report that the bench is at rest, so that the guard ends."""
         if self._child is not None:
             self._child.say(DONE)
             self.leave()
 
     def leave(self) -> None:
-        """End of the run; a guard that was armed and not told `done` acts now."""
+        """End the run; a guard that was armed and has not received `done` acts now."""
         if self._child is not None:
             self._child.end()
             self._child = None
 
     def _replace(self, child: GuardChild, why: str) -> None:
-        child.kill()  # it may only be stuck
+        child.kill()  # it may only hang
         self._child = None
         self._replaced += 1
         if self._replaced > MOST_REPLACED:
@@ -209,7 +209,7 @@ class GuardProcess:
         self._note(self.lost)
 
     def _note(self, says: str) -> None:
-        with contextlib.suppress(BenchError):  # a full disk ends the run, and not from within a beat
+        with contextlib.suppress(BenchError):  # a full disk ends the run, but not from within a beat
             self._event("guard", says=says)
 
 

@@ -1,14 +1,14 @@
-"""What runner and guard send each other through two pipes, a line a word, and how the guard listens.
+"""Messages between runner and guard through two pipes, one line each, and how the guard listens.
 
 ```
 runner -> guard   {"runner": 4711, "journal": "…", …}   the orders, before anything else
-                  beat 60.0                             all is well, and the next word comes within 60 s of wall time
+                  beat 60.0                             all is well; the next line follows within 60 s of wall time
                   done                                  the bench is at rest and has been read back
-guard -> runner   heard                                 to each beat
+guard -> runner   heard                                 answer to each beat
 ```
 
 The first beat arms the guard: before it nothing has moved. A pipe that ends before "done" means that the runner died;
-the kernel ends it at once, whatever killed the runner.
+the kernel closes the pipe immediately, whatever killed the runner.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ BEAT, DONE, HEARD = "beat", "done", "heard"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reached:
-    """How an instrument is reached: its driver's model, address and further keywords; the files of its locks.
+    """How to reach an instrument: its driver's model, address and further keywords, and its lock files.
 
-    `profile` is the text of the chamber profile that `model` names: its file may be gone when it is needed.
+    `profile` is the text of the chamber profile that `model` names, because its file may be gone when it is needed.
     """
 
     model: str
@@ -43,10 +43,10 @@ class Reached:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Orders:
-    """What the guard must know to bring the bench to rest by itself.
+    """What the guard needs in order to bring the bench to rest by itself.
 
-    `runner` is the process to watch, `journal` the campaign's; the table should rest within `rest_within_s` of bench
-    time, and the chamber go to `safe_c`.
+    `runner` is the process to watch, `journal` the campaign's journal. The table should be at rest within
+    `rest_within_s` of bench time; the chamber's set point becomes `safe_c`.
     """
 
     runner: int
@@ -58,23 +58,23 @@ class Orders:
     chamber: Reached
 
     def as_line(self) -> str:
-        """One line of JSON; a date among the options of a driver goes as text."""
+        """Return the orders as one line of JSON; a date in a driver's options is written as text."""
         return json.dumps({**asdict(self), "journal": str(self.journal)}, default=str)
 
     @classmethod
     def from_line(cls, line: str) -> Self:
-        """The reverse of `as_line`."""
-        said = json.loads(line)
+        """Read orders from a line that `as_line` wrote."""
+        data = json.loads(line)
         made = {
-            "journal": Path(said["journal"]),
-            "rate_table": Reached(**said["rate_table"]),
-            "chamber": Reached(**said["chamber"]),
+            "journal": Path(data["journal"]),
+            "rate_table": Reached(**data["rate_table"]),
+            "chamber": Reached(**data["chamber"]),
         }
-        return cls(**{**said, **made})
+        return cls(**{**data, **made})
 
 
 SLICE_S = 0.25
-"""Silence is counted in slices: time in which the whole machine stood still is nobody's silence."""
+"""Silence is counted in slices, so that time in which the machine itself was suspended does not count."""
 
 
 class Ending(Enum):
@@ -86,8 +86,8 @@ class Ending(Enum):
     HANGS = "the runner hangs"
 
 
-class Lines:
-    """The lines of a pipe, each within a time; a thread of its own reads, since not every system can wait on a pipe."""
+class PipeLines:
+    """The lines of a pipe, read with a time limit; a thread reads, because not every system can wait on a pipe."""
 
     def __init__(self, pipe: RawIOBase) -> None:
         self._pipe = pipe
@@ -95,14 +95,14 @@ class Lines:
         threading.Thread(target=self._read, name="pipe from the runner", daemon=True).start()
 
     def next(self, timeout_s: float | None) -> str | None:
-        """The next line; "" at the end of the pipe, None where none comes within `timeout_s` of wall time."""
+        """Return the next line; "" at the end of the pipe, None if there is none within `timeout_s` of wall time."""
         try:
             return self._lines.get(timeout=timeout_s)
         except queue.Empty:
             return None
 
     def end(self, timeout_s: float) -> bool:
-        """Whether the pipe ends within `timeout_s` of wall time."""
+        """Return whether the pipe ends within `timeout_s` of wall time."""
         until_s = time.monotonic() + timeout_s
         while (left_s := until_s - time.monotonic()) > 0:
             if self.next(left_s) == "":
@@ -116,8 +116,8 @@ class Lines:
         self._lines.put("")
 
 
-def watch(lines: Lines, answer: Callable[[], None]) -> Ending:
-    """Listen until the guard must act or may go; `answer` is called for each beat."""
+def watch(lines: PipeLines, answer: Callable[[], None]) -> Ending:
+    """Listen until the guard must act or may end; `answer` is called for each beat."""
     allowed_s: float | None = None
     silent_s = 0.0
     while True:

@@ -1,9 +1,9 @@
-"""The guard acts: it takes over the links, stops the table, sets the chamber's safe set point, and reads both back.
+"""The guard's action: take over the links, stop the table, set the chamber's safe set point, and read both back.
 
-Each instrument has a thread and tries of its own, so that one that is dead, or whose driver hangs, costs the other
-nothing. What fails is tried again every half second for ten minutes: by then a controller that lost its power, or a
-network that was down, is back; later the bench may rightly be somebody else's. What was done is written to the
-campaign's journal, on the disk at once, and to stderr.
+Each instrument has a thread and retries, so that a dead instrument, or one whose driver hangs, does not delay the other
+one. A failed action is repeated every half second for ten minutes: by then, a controller that lost power, or a network
+that was down, is back; later, the bench may be in use by another run. The result is written to the campaign's journal,
+synced to the disk at once, and to stderr.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from benchctl_instruments.simulated.clock import ScaledClock
 
 
 def note(journal: Path, **data: object) -> None:
-    """Append an event of kind "guard"; raises `UsageError` where the disk refuses.
+    """Append an event of kind "guard"; raises `UsageError` if the disk refuses.
 
-    A line that the runner had only begun when it died is ended first, so that it spoils no other.
+    A last line that the dead runner left incomplete is ended first, so that it does not damage this one.
     """
     with disk_errors(journal), journal.open("ab+") as file:
         if file.tell():
@@ -44,18 +44,18 @@ def note(journal: Path, **data: object) -> None:
 
 
 GIVE_UP_S = 600.0
-"""How long what fails is tried again, wall time."""
+"""Wall time during which a failed action is repeated."""
 
 RETRY_S = 0.5
 GRACE_S = 60.0
-"""What the last try may still take, wall time."""
+"""Additional wall time for the last attempt."""
 
 Said = queue.SimpleQueue[str | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rescued:
-    """What became of the bench: rate and set point as they were read back, or None; `problems` say what was not."""
+    """Final state of the bench: rate and set point as read back, or None; `problems` list what was not read back."""
 
     rate_dps: float | None
     chamber_setpoint_c: float | None
@@ -63,9 +63,9 @@ class Rescued:
 
 
 class _Task:
-    """One instrument brought to rest, in a thread of its own.
+    """Brings one instrument to rest, in a separate thread.
 
-    What fails at first is put into `said`, and None at the end.
+    The first failure is put into the queue, and None at the end.
     """
 
     def __init__(self, name: str, act: Callable[[], float], give_up_s: float, said: Said) -> None:
@@ -76,7 +76,7 @@ class _Task:
 
     @property
     def problem(self) -> str:
-        """What has failed last; empty where it was read back."""
+        """The last failure; empty if the instrument was read back."""
         return f"{self._name}: {self._failure}" if self.read_back is None else ""
 
     def _try(self) -> None:
@@ -85,7 +85,7 @@ class _Task:
         while self.read_back is None:
             try:
                 self.read_back = self._act()
-            except Exception as err:  # whatever it is, to give up would leave the bench in motion
+            except Exception as err:  # any error: to give up would leave the bench in motion
                 self._failure = str(err) if isinstance(err, BenchError) else repr(err)
                 if not failed:
                     self._said.put(f"trying again: {self.problem}")
@@ -97,21 +97,21 @@ class _Task:
 
 
 def rescue(orders: Orders, tell: Callable[[str], None], give_up_s: float = GIVE_UP_S) -> Rescued:
-    """Bring the bench to rest, the table first; `tell` hears that it begins, and what fails at first.
+    """Bring the bench to rest, the table first; `tell` receives the start and the first failures.
 
-    It is told only once the links are being taken over, and from this thread: a disk that hangs must not keep the table
-    turning.
+    `tell` is called only once the links are being taken over, and from this thread: a hanging disk must not keep the
+    table turning.
     """
     clock = ScaledClock(orders.time_factor)
-    said: Said = queue.SimpleQueue()
-    table = _Task("rate_table", lambda: _stop(orders, clock), give_up_s, said)
-    chamber = _Task("chamber", lambda: _go_home(orders, clock, said.put), give_up_s, said)
+    reports: Said = queue.SimpleQueue()
+    table = _Task("rate_table", lambda: _stop(orders, clock), give_up_s, reports)
+    chamber = _Task("chamber", lambda: _go_home(orders, clock, reports.put), give_up_s, reports)
     tell("taking over")
     deadline_s = time.monotonic() + give_up_s + GRACE_S
     busy = 2
     while busy and (left_s := deadline_s - time.monotonic()) > 0:
         with contextlib.suppress(queue.Empty):
-            word = said.get(timeout=left_s)
+            word = reports.get(timeout=left_s)
             if word is None:
                 busy -= 1
             else:
@@ -135,20 +135,20 @@ def _go_home(orders: Orders, clock: Clock, remark: Callable[[str], None]) -> flo
 
 @contextlib.contextmanager
 def _opened(kind: Kind, reached: Reached, clock: Clock) -> Iterator[Any]:
-    """The instrument, for the guard alone: what another run has taken meanwhile is that run's to stop."""
+    """Open the instrument for the guard alone; an instrument that another run has taken is left to that run."""
     paths = [Path(path) for path in reached.locks]
     with contextlib.ExitStack() as stack:
         try:
             stack.enter_context(held(paths, f"{kind} at {reached.address}", "a guard that brings it to rest"))
         except UsageError:
             if any(is_held(path) for path in paths):
-                raise  # else the folder of the locks is gone: that must not keep a table turning
+                raise  # else the folder of the locks is gone: this must not keep a table turning
         make = driver(kind, reached.model, reached.profile)
         yield stack.enter_context(make(reached.address, clock=clock, **reached.options))
 
 
 def act(orders: Orders, why: str) -> bool:
-    """Bring the bench to rest; `why` is the reason, in words. Returns whether all of it was read back."""
+    """Bring the bench to rest; `why` is the reason, in words. Return whether everything was read back."""
     unwritten = ""
 
     def tell(says: str, **data: object) -> None:
@@ -160,13 +160,13 @@ def act(orders: Orders, why: str) -> bool:
 
     rescued = rescue(orders, tell)
     tell(words(rescued), reason=why, **asdict(rescued))
-    with contextlib.suppress(OSError):  # only at the end, for a terminal may be held, or gone
+    with contextlib.suppress(OSError):  # only at the end, because a terminal may be blocked or gone
         os.write(2, f"benchctl guard: {why}; {words(rescued)}{unwritten}\n".encode())
     return not rescued.problems
 
 
 def words(rescued: Rescued) -> str:
-    """What became of the bench, in a line."""
+    """Return the result in one line."""
     rest = f"table at rest ({rescued.rate_dps:+.3f} deg/s)" if rescued.rate_dps is not None else ""
     home = f"chamber set to {rescued.chamber_setpoint_c:g} °C" if rescued.chamber_setpoint_c is not None else ""
     confirmed = f"{' and '.join(filter(None, (rest, home)))}, read back" if rest or home else ""

@@ -1,1 +1,1 @@
-"""What the live page shows, read from campaigns that run and campaigns that are over; it knows nothing of HTTP."""
+"""The data of the live page, read from running and finished campaigns; independent of HTTP."""

@@ -1,8 +1,8 @@
-"""Files of blocks in the cache: each whole or not there, named by what it was made from; the oldest go first.
+"""Cache files of blocks: written atomically, named by their source; the oldest are removed first.
 
     | "benchctl-blocks/1", with 0 up to 24 | rows 8 | CRC-32 of the rows 4 | 0 4 | key 32 | rows of 5 float64 ... |
 
-All numbers are little-endian. A file that is damaged, or of another key, is as good as none: it is made anew.
+All numbers are little-endian. A file that is damaged, or has another key, is ignored and replaced.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from benchctl.dashboard.data.envelope import COLUMNS
 from benchctl_instruments.arrays import FloatArray
 
 MOST_BYTES = 2 << 30
-"""What the overviews take in the cache at the most."""
+"""Maximum size of the cached overviews."""
 
 ENDING = ".blocks"
 _HEAD = struct.Struct("<24sQI4x32s")
 _FORMAT = b"benchctl-blocks/1"
 _ROW = 8 * COLUMNS
 _AT_ONCE = 1 << 16
-"""Rows that are looked at at once, 2.5 MiB."""
+"""Rows that are checked at once, 2.5 MiB."""
 
 
 class BlockFile:
     """Blocks in a file of the cache, `rows` of them; any thread may read while one appends.
 
-    What disk and system refuse is an OSError.
+    Errors of the disk and the system are OSErrors.
     """
 
     nbytes = 0
-    """What they take in memory."""
+    """Memory used by the blocks."""
 
     def __init__(self, path: Path, rows: int = 0) -> None:
         self.path, self.rows = path, rows
@@ -47,7 +47,7 @@ class BlockFile:
         self._crc = 0
 
     def read(self, first: int, end: int) -> FloatArray:
-        """Blocks, shape (end - first, 5)."""
+        """Return blocks, shape (end - first, 5)."""
         with self.path.open("rb") as file:
             file.seek(_HEAD.size + first * _ROW)
             content = file.read((end - first) * _ROW)
@@ -56,7 +56,7 @@ class BlockFile:
         return np.frombuffer(content, dtype="<f8").reshape(-1, COLUMNS)
 
     def append(self, rows: FloatArray) -> None:
-        """Add blocks, shape (n, 5), to a file that is being made."""
+        """Append blocks, shape (n, 5), to an unfinished file."""
         if self._file is None:
             raise OSError(f"{self.path}: is finished")
         content = np.ascontiguousarray(rows, dtype="<f8").tobytes()
@@ -66,12 +66,12 @@ class BlockFile:
         self.rows += len(rows)
 
     def begin(self, file: IO[bytes]) -> None:
-        """Leave room for the head of a file that is to be made."""
+        """Reserve space for the header of a new file."""
         self._file = file
         file.write(bytes(_HEAD.size))
 
     def finish(self, key: bytes) -> None:
-        """Say what is in it, once it is all there."""
+        """Write the header of a complete file."""
         if self._file is not None:
             self._file.seek(0)
             self._file.write(_HEAD.pack(_FORMAT, self.rows, self._crc, key))
@@ -81,30 +81,30 @@ class BlockFile:
 
 
 class Cache:
-    """A folder of such files, which holds `most_bytes` at the most."""
+    """A folder of such files with a total size of at most `most_bytes`."""
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES) -> None:
         self._folder, self._most_bytes = folder, most_bytes
 
     def find(self, name: str) -> BlockFile | None:
-        """The file that was made under this name; None where there is none, or it is damaged."""
+        """Return the file stored under this name; None if there is none, or if it is damaged."""
         path, key = self._place(name)
         try:
             with path.open("rb") as file:
                 head = file.read(_HEAD.size)
-                told, rows, crc, said = _HEAD.unpack(head)
-                if told.rstrip(b"\0") != _FORMAT or said != key or _crc(file, rows) != crc:
+                magic, rows, crc, stored_key = _HEAD.unpack(head)
+                if magic.rstrip(b"\0") != _FORMAT or stored_key != key or _crc(file, rows) != crc:
                     raise ValueError("is damaged")
-            os.utime(path)  # it was of use: others go before it
+            os.utime(path)  # mark as recently used: others are removed first
         except (OSError, ValueError, struct.error):
             return None
         return BlockFile(path, rows)
 
     @contextmanager
     def making(self, name: str) -> Iterator[BlockFile]:
-        """A file to be filled; it is there, under this name, once the block has ended without an error.
+        """Create a file to be filled; it is stored under this name when the block has ended without an error.
 
-        Raises OSError where the disk refuses.
+        Raises OSError on errors of the disk.
         """
         path, key = self._place(name)
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -127,9 +127,9 @@ class Cache:
 
 
 def throw_out(folder: Path, ending: str, most_bytes: int, newest: Path) -> None:
-    """Remove the files that were of no use for longest until the rest is small enough, but never the newest.
+    """Remove the least recently used files until the total size is small enough, but never the newest.
 
-    What a crash left half-made is counted, too, and goes in its turn.
+    Incomplete files left by a crash are included.
     """
     files = []
     for path in folder.glob(f"*{ending}*"):
@@ -145,7 +145,7 @@ def throw_out(folder: Path, ending: str, most_bytes: int, newest: Path) -> None:
 
 
 def _crc(file: IO[bytes], rows: int) -> int:
-    """The CRC of the rows that follow; ValueError where there are not so many, or more."""
+    """Return the CRC of the following rows; ValueError if there are fewer or more."""
     crc, left = 0, rows * _ROW
     while left:
         content = file.read(min(left, _AT_ONCE * _ROW))

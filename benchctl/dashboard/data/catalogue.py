@@ -1,4 +1,4 @@
-"""The campaigns below a folder, under ids that do not show where they lie, and each as the list has it."""
+"""The campaigns below a folder, with ids that do not reveal their paths, and their entries in the list."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _NOT_COUNTED = "its steps are not counted yet"
 
 
 def entry_of(path: Path) -> dict[str, Any]:
-    """What the list says of a campaign, without its id; one that cannot be read says why, with status `unreadable`."""
+    """Return the list entry of a campaign without its id; an unreadable one has status `unreadable` and the reason."""
     try:
         if is_open_recording(path) and not import_of(path, cache_folder()).exists():
             return _by_its_description(path)
@@ -56,9 +56,9 @@ def entry_of(path: Path) -> dict[str, Any]:
 
 
 def brief_entry_of(path: Path) -> dict[str, Any]:
-    """As `entry_of`, but of a recording only its root is read: quick, and without what its steps say."""
+    """Return an entry as `entry_of` does, but read only a recording's root: fast, without the data of its steps."""
     file = recording_in(path)
-    if file is None:  # a campaign that is not closed, or an open recording: neither is large to list
+    if file is None:  # an unfinished campaign or an open recording: both are fast to list
         return entry_of(path)
     try:
         with open_ours(file) as opened:
@@ -69,22 +69,22 @@ def brief_entry_of(path: Path) -> dict[str, Any]:
 
 
 def _read(contents: Contents, planned: int | None) -> dict[str, Any]:
-    path, told, unit = contents.path, contents.meta.provenance, contents.meta.unit
+    path, provenance, unit = contents.path, contents.meta.provenance, contents.meta.unit
     infos = [piece.info for piece in contents.pieces]
-    whole = [info for info in infos if info.whole and (planned is None or info.index <= planned)]
+    complete = [info for info in infos if info.whole and (planned is None or info.index <= planned)]
     status = status_of(contents)
     return _blank(path) | {
-        "procedure": told.get("procedure", ""),
+        "procedure": provenance.get("procedure", ""),
         "unit": unit.serial,
         "model": unit.model,
         "status": status,
-        "started_utc": told.get("started_utc", ""),
+        "started_utc": provenance.get("started_utc", ""),
         "steps_planned": planned,
-        "steps_whole": len(whole),
+        "steps_whole": len(complete),
         "samples": sum(info.samples for info in infos),
         "duration_s": contents.t_end_s,
-        "operator": told.get("operator", ""),
-        "bench": told.get("bench", ""),
+        "operator": provenance.get("operator", ""),
+        "bench": provenance.get("bench", ""),
         "has": {kind: is_there(path, kind, contents.digest) for kind in KINDS},
         "says": died_says(path) if status == DIED and not contents.finished else "",
         **_integrity(contents),
@@ -92,7 +92,7 @@ def _read(contents: Contents, planned: int | None) -> dict[str, Any]:
 
 
 def _integrity(contents: Contents) -> dict[str, Any]:
-    """Whether recording, documents and reports agree with the campaign's manifest; the samples are not read."""
+    """Check recording, documents and reports against the campaign's manifest; the samples are not read."""
     folder = contents.path
     if not (folder / MANIFEST).exists():
         return {}
@@ -103,23 +103,25 @@ def _integrity(contents: Contents) -> dict[str, Any]:
         found |= {file.name: integrity(entries.get(file.name), file) for file in there}
     except (UsageError, OSError) as err:
         return {"integrity": "altered", "altered": f"{MANIFEST}: {' '.join(str(err).split())}"}
-    if changed := [name for name, said in found.items() if said == "altered"]:
-        says = f"{listed(changed)}: altered since the manifest of this campaign was written; benchctl verify names more"
-        return {"integrity": "altered", "altered": says}
+    if changed := [name for name, state in found.items() if state == "altered"]:
+        message = (
+            f"{listed(changed)}: altered since the manifest of this campaign was written; benchctl verify names more"
+        )
+        return {"integrity": "altered", "altered": message}
     return {"integrity": "verified" if found[RECORDING] == "verified" else "not verified"}
 
 
 def _by_its_description(folder: Path) -> dict[str, Any]:
-    """An open recording whose samples, text, have not been read yet: as `recording.json` states it."""
-    told = read_description(folder)
-    lasts_s = sum((step.t_end or 0.0) - (step.t_start or 0.0) for step in told.steps)
+    """Return the entry of an open recording whose text samples are not imported yet, from `recording.json`."""
+    description = read_description(folder)
+    lasts_s = sum((step.t_end or 0.0) - (step.t_start or 0.0) for step in description.steps)
     return _blank(folder) | {
-        "unit": told.unit.serial,
-        "model": told.unit.model,
+        "unit": description.unit.serial,
+        "model": description.unit.model,
         "status": "imported",
-        "steps_whole": len(told.steps),
-        "samples": round(lasts_s * told.bench.sample_rate_hz),
-        "duration_s": max((step.t_end or 0.0 for step in told.steps), default=0.0),
+        "steps_whole": len(description.steps),
+        "samples": round(lasts_s * description.bench.sample_rate_hz),
+        "duration_s": max((step.t_end or 0.0 for step in description.steps), default=0.0),
         "has": {kind: is_there(folder, kind, "") for kind in KINDS},
     }
 
@@ -147,20 +149,20 @@ def _blank(path: Path) -> dict[str, Any]:
 
 _ID_DIGITS = 16
 _FRESH_S = 1.0
-"""For so long an answer is given again: a page asks every few seconds, and many pages ask."""
+"""Time for which an answer is reused: a page requests it every few seconds, and there may be many pages."""
 _PATIENCE_S = 3.0
-"""For so long campaigns are read for one list."""
+"""Maximum time for reading campaigns for one list."""
 _FORMAT = f"benchctl-catalogue/1 {benchctl.__version__}"
 
 Known = tuple[str, dict[str, Any]]
-"""What told the files of a campaign when it was read, and its entry."""
+"""The stamp of a campaign's files when it was read, and its entry."""
 
 
 class Catalogue:
-    """The campaigns anywhere below `root`; what was read of those that are over is kept in `cache`.
+    """The campaigns anywhere below `root`; the entries of finished ones are stored in `cache`.
 
-    Of a folder with hundreds that were never read before, the first lists have some of which only the root was read:
-    their steps are counted the next times. Any thread may ask. Nothing is written below `root`.
+    For a folder with hundreds of unknown campaigns, the first lists contain some of which only the root was read: their
+    steps are counted in later calls. The class is thread-safe. Nothing is written below `root`.
     """
 
     def __init__(self, root: Path, cache: Path) -> None:
@@ -174,14 +176,14 @@ class Catalogue:
         self._lock = threading.Lock()
 
     def list(self) -> builtins.list[dict[str, Any]]:
-        """An entry for each campaign, newest first; one that cannot be read is there, too, and says why."""
+        """Return an entry for each campaign, newest first; an unreadable one contains the reason."""
         with self._lock:
             if time.monotonic() - self._listed_s >= _FRESH_S:
                 self._look()
             return [dict(entry) for entry in self._listed]
 
     def find(self, key: str) -> Path | None:
-        """Where the campaign of that id is; None of an id that stands for none below the folder now."""
+        """Return the path of the campaign with that id; None if there is none below the folder now."""
         with self._lock:
             path = self._places.get(key)
             if path is None and time.monotonic() - self._listed_s >= _FRESH_S:
@@ -190,7 +192,7 @@ class Catalogue:
         return path if path is not None and self._is_inside(path) else None
 
     def entry(self, key: str) -> dict[str, Any]:
-        """The entry of one campaign; `UsageError` where there is none of that id."""
+        """Return the entry of one campaign; `UsageError` for an unknown id."""
         path = self.find(key)
         if path is None:
             raise UsageError("there is no such campaign; it may have been moved or removed")
@@ -198,7 +200,7 @@ class Catalogue:
             return {"id": key, **self._entry(path)}
 
     def _is_inside(self, path: Path) -> bool:
-        """Whether a path is still what it was when it was found: there, and no link to elsewhere."""
+        """Return whether a path still exists and is not a link to a place outside the root."""
         root = self._root.resolve()
         return path.exists() and path.resolve().is_relative_to(root)
 
@@ -213,7 +215,7 @@ class Catalogue:
                 entry = self._entry(path)
             all_read &= entry is not None
             listed.append({"id": key, **(entry or brief_entry_of(path))})
-        # two sorts: names ascend where campaigns began at one instant, or do not say when
+        # two sorts: names ascend for campaigns with the same start, or without one
         listed.sort(key=lambda entry: str(entry["name"]))
         listed.sort(key=lambda entry: str(entry["started_utc"]), reverse=True)
         known = self._kept_entries()
@@ -225,25 +227,25 @@ class Catalogue:
         self._listed_s = time.monotonic() if all_read else -_FRESH_S
 
     def _known_entry(self, path: Path) -> dict[str, Any] | None:
-        """The entry of a campaign without its id, where it is known and nothing of it has changed."""
+        """Return the entry of a campaign without its id, if it is known and its files have not changed."""
         found = self._kept_entries().get(str(path))
         return dict(found[1]) if found is not None and found[0] == _stamp_of(path) else None
 
     def _entry(self, path: Path) -> dict[str, Any]:
-        """The entry of a campaign without its id."""
+        """Return the entry of a campaign without its id."""
         if (entry := self._known_entry(path)) is not None:
             return entry
         known, stamp = self._kept_entries(), _stamp_of(path)
         entry = entry_of(path)
-        if stamp and entry["status"] != "unreadable":  # permissions change without a trace in size and time
+        if stamp and entry["status"] != "unreadable":  # permissions change without a change in size and time
             known[str(path)] = stamp, entry
         return dict(entry)
 
     def _kept_entries(self) -> dict[str, Known]:
-        """What is known of campaigns that are over, by their paths; at first as the cache has it."""
+        """Return the entries of finished campaigns by path, initially those from the cache."""
         if self._known is None:
             self._known = {}
-            with suppress(UsageError, TypeError, ValueError):  # damaged: made anew
+            with suppress(UsageError, TypeError, ValueError):  # damaged: replaced
                 kept = read_json(self._kept, "catalogue") if self._kept.exists() else {}
                 if isinstance(kept, dict) and kept.get("format") == _FORMAT:
                     self._known = {path: (str(stamp), dict(entry)) for path, (stamp, entry) in kept["entries"].items()}
@@ -264,7 +266,7 @@ def _id_of(path: Path, root: Path) -> str:
 
 
 def _changed_ns(path: Path) -> int:
-    """When a campaign was last changed, about: what is new is read first."""
+    """Return the approximate time of a campaign's last change: new ones are read first."""
     try:
         return path.stat().st_mtime_ns
     except OSError:
@@ -272,7 +274,7 @@ def _changed_ns(path: Path) -> int:
 
 
 def _stamp_of(path: Path) -> str:
-    """What tells the files of a campaign that is over, and what was stated of it; empty of one that may go on."""
+    """Return the stamp of a finished campaign's files and documents; empty for one that may continue."""
     if is_open_recording(path):
         try:
             files = [path / DESCRIPTION, import_of(path, cache_folder())]
@@ -282,22 +284,22 @@ def _stamp_of(path: Path) -> str:
         files = [file]
     else:
         return ""
-    told = []
+    entries = []
     for one in [*files, *files_of(path), path / MANIFEST]:
         with suppress(OSError):
             stat = stat_of(one)
-            told.append(f"{one.name} {stat.st_size} {stat.st_mtime_ns}")
-    return ", ".join(told)
+            entries.append(f"{one.name} {stat.st_size} {stat.st_mtime_ns}")
+    return ", ".join(entries)
 
 
 _MOST_FOLDERS = 1 << 16
 
 
 def campaigns_below(root: Path) -> Iterator[Path]:
-    """The folders and files of campaigns and recordings anywhere below a folder, itself included.
+    """Yield the folders and files of campaigns and recordings anywhere below a folder, including itself.
 
-    Of a campaign's folder that is the folder, and beside it any other recording there. Hidden folders are left out,
-    and so are links: what they name inside the folder is found without them, and the rest is outside.
+    A campaign is represented by its folder; other recordings in it are yielded as well. Hidden folders and links are
+    left out: targets of links inside the folder are found without them, and other targets are outside.
     """
     for count, (here, folders, names) in enumerate(walk(root)):
         if count == _MOST_FOLDERS:

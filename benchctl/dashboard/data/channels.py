@@ -1,13 +1,13 @@
-"""The channels that a page can draw: those that are recorded, and those that are made from them, as the rate.
+"""The channels that a page can draw: recorded ones, and those derived from them, such as the rate.
 
-The table's rate by its encoder is the angle's change within a short time, divided by that time:
+The table's rate by its encoder is the change of the angle within a short time, divided by that time:
 
     rate(i) = (angle(i + h) - angle(i - h)) / (time(i + h) - time(i - h))
 
-h is the smallest number of samples for which the window, 2 h of them, is 0.05 s or longer. At the ends of a step
-the window is moved until it lies inside. Angles are taken as moving by less than half a turn from sample to sample, so
-that the jump from 360 to 0 is none. Where samples are missing inside the window, the number of turns is not known:
-there the rate is NaN.
+h is the smallest number of samples for which the window of 2 h samples is at least 0.05 s long. At the ends of a step
+the window is moved inside the step. The angle is assumed to change by less than half a turn between samples, so that
+the jump from 360 to 0 is not a motion. If samples are missing inside the window, the number of turns is not known and
+the rate is NaN.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ _LOOKED_AT = 4096
 
 
 def half_window(rate_hz: float) -> int:
-    """Half of the window, in samples."""
+    """Return half of the window, in samples."""
     return max(1, math.ceil(round(0.5 * WINDOW_S * rate_hz, 6)))
 
 
 def rates_dps(time_s: FloatArray, angle_deg: FloatArray, half: int, period_s: float) -> FloatArray:
-    """The rate at each sample [°/s], all arrays of shape (n,); NaN where a step has no more than 2 · half samples."""
+    """Return the rate at each sample [°/s], all arrays (n,); NaN if a step has no more than 2 · half samples."""
     count = len(time_s)
     if count <= 2 * half:
         return np.full(count, np.nan)
     jumps = np.nan_to_num(np.rint(np.diff(angle_deg) / -_TURN_DEG), posinf=0.0, neginf=0.0)
     turns = np.concatenate(([0.0], np.cumsum(jumps)))
-    # turns are whole numbers: the difference is the same wherever a stretch of samples begins
+    # turns are integers: the difference does not depend on the first sample that is read
     moved_deg = angle_deg[2 * half :] - angle_deg[: -2 * half] + _TURN_DEG * (turns[2 * half :] - turns[: -2 * half])
     took_s = time_s[2 * half :] - time_s[: -2 * half]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -51,7 +51,7 @@ def rates_dps(time_s: FloatArray, angle_deg: FloatArray, half: int, period_s: fl
 
 
 def period_of(time_s: Samples, rate_hz: float | None) -> float:
-    """The time from one sample to the next: by the stated rate, else as the first samples have it."""
+    """Return the sampling interval: from the stated rate, else the median of the first samples."""
     if rate_hz:
         return 1.0 / rate_hz
     first = np.diff(time_s.read(0, min(time_s.length, _LOOKED_AT)))
@@ -59,7 +59,7 @@ def period_of(time_s: Samples, rate_hz: float | None) -> float:
 
 
 class RateSamples:
-    """The rate of a step as a row of samples, made from time and angle as it is read."""
+    """The rate of a step as samples, computed from time and angle when read."""
 
     def __init__(self, time_s: Samples, angle_deg: Samples, rate_hz: float | None) -> None:
         self._time_s, self._angle_deg = time_s, angle_deg
@@ -71,7 +71,7 @@ class RateSamples:
         """See `Samples`."""
         if end <= first:
             return np.empty(0)
-        # at the ends of the step the window is moved, so that it takes in samples from further inside
+        # at the ends of the step the window is moved, so that it contains samples from further inside
         low = max(0, min(first - self.half, self.length - 2 * self.half - 1))
         high = min(self.length, max(end + self.half, 2 * self.half + 1))
         rates = rates_dps(self._time_s.read(low, high), self._angle_deg.read(low, high), self.half, self._period_s)
@@ -79,7 +79,7 @@ class RateSamples:
 
 
 class GrowingRate:
-    """The rate of a step that is being recorded: of each sample once there are enough behind it."""
+    """The rate of a step that is being recorded: of each sample as soon as enough samples follow."""
 
     def __init__(self, rate_hz: float | None) -> None:
         self._rate_hz = rate_hz
@@ -88,7 +88,7 @@ class GrowingRate:
         self._half = 0
 
     def add(self, time_s: FloatArray, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Take further samples, shape (n,); times and rates that are now known, shape (m,)."""
+        """Add samples, shape (n,); return times and rates that are known now, shape (m,)."""
         self._time_s = np.concatenate((self._time_s, time_s))
         self._angle_deg = np.concatenate((self._angle_deg, angle_deg))
         if not self._half:
@@ -107,7 +107,7 @@ class GrowingRate:
         return found
 
     def finish(self) -> tuple[FloatArray, FloatArray]:
-        """The rates of the last samples of the step: their window is that of the last one before."""
+        """Return the rates of the last samples of the step; their window is that of the previous one."""
         if not self._begun:
             return np.empty(0), np.empty(0)
         rates = rates_dps(self._time_s, self._angle_deg, self._half, 1.0 / (self._rate_hz or 1.0))
@@ -120,7 +120,7 @@ ANGLE = "encoder_deg"
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """A channel that no step records under its name: in each step the first of `of` that is there."""
+    """A derived channel: in each step computed from the first channel of `of` that exists there."""
 
     of: tuple[str, ...]
     unit: str
@@ -137,11 +137,11 @@ MADE = {
     "setpoint_c": Made(("poll_chamber_setpoint_c",), "degC", "set point of the chamber"),
     "gyro_c": Made(("gyro_temp_c", "poll_gyro_temp_c"), "degC", "thermistor in the housing of the gyro"),
 }
-"""What a page asks for by one name, whatever the step recorded it under."""
+"""Channels with one name for the page, independent of the name in the recording."""
 
 
 def recorded_as(channel: str, names: Iterable[str]) -> str | None:
-    """Under which of a step's names a channel is recorded, or what it is made from; None: not in this step."""
+    """Return the name under which a step records a channel or its source; None: not in this step."""
     there = set(names)
     if channel in there and channel not in AXES:
         return channel
@@ -149,7 +149,7 @@ def recorded_as(channel: str, names: Iterable[str]) -> str | None:
 
 
 def described(names: Iterable[str], meta: Meta) -> list[dict[str, str]]:
-    """Name, unit, meaning and axis of each channel that steps with these names give, the made ones first."""
+    """Return name, unit, meaning and axis of each channel of steps with these names, derived ones first."""
     there = [name for name in dict.fromkeys(names) if name not in AXES]
     made = [
         {"name": name, "unit": one.unit, "says": one.says, "axis": axis_of(next(of for of in one.of if of in there))}
@@ -169,7 +169,7 @@ def described(names: Iterable[str], meta: Meta) -> list[dict[str, str]]:
 
 
 def unit_in_words(channel: str, meta: Meta) -> str:
-    """The unit of a channel, empty where it is not known; the gyro's output may be of another than volts."""
+    """Return the unit of a channel, empty if it is not known; the unit of the gyro's output is not always volts."""
     if channel in MADE:
         return MADE[channel].unit
     if channel == "gyro_v":

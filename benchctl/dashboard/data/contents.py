@@ -1,9 +1,9 @@
-"""What a campaign holds: its status, its files, their steps and channels; each file is opened once.
+"""The contents of a campaign: its status, its files, their steps and channels; each file is opened once.
 
-A finished file never changes under its name without another size or time of change. So what was read of one is kept
-in memory: of a running campaign only the file that is being written is opened again.
+A finished file never changes under its name without a change in size or modification time. Therefore its description is
+kept in memory: of a running campaign only the file that is being written is opened again.
 
-Open recordings, whose samples are text, are imported once into the cache and read from there like any other.
+Open recordings, whose samples are text, are imported once into the cache and read from there.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from benchctl.reports.results import source_digest
 from benchctl_instruments.errors import UsageError
 
 MOST_BYTES = 1 << 30
-"""What the imports of open recordings take in the cache at the most."""
+"""Maximum size of the cached imports of open recordings."""
 
 _ENDING = ".h5"
 
@@ -44,14 +44,14 @@ _lock = threading.Lock()
 
 
 def imported(folder: Path, cache: Path) -> Path:
-    """The import of an open recording, which is made where it is not there.
+    """Return the import of an open recording; it is created if it does not exist.
 
     Raises
     ------
     UsageError
-        Where the open recording cannot be read, or its import not be written.
+        If the open recording cannot be read, or its import cannot be written.
     """
-    with _lock:  # whoever comes second finds it there
+    with _lock:  # the second thread finds it there
         place = import_of(folder, cache)
         if not place.exists():
             meta, steps = read_open_recording(folder)
@@ -65,7 +65,7 @@ def imported(folder: Path, cache: Path) -> Path:
 
 
 def import_of(folder: Path, cache: Path) -> Path:
-    """Where the import of an open recording is, or would be; `UsageError` where that holds no samples."""
+    """Return the path of an open recording's import, which may not exist yet; `UsageError` if there are no samples."""
     stamps = []
     for file in (folder / DESCRIPTION, samples_of(folder)):
         with suppress(OSError):
@@ -75,9 +75,9 @@ def import_of(folder: Path, cache: Path) -> Path:
 
 
 def cache_folder() -> Path:
-    """The folder of benchctl's caches, which need not be there yet; `BENCHCTL_CACHE` names another."""
-    if told := os.environ.get("BENCHCTL_CACHE"):
-        return Path(told)
+    """Return the folder of benchctl's caches, which may not exist yet; `BENCHCTL_CACHE` sets another."""
+    if folder := os.environ.get("BENCHCTL_CACHE"):
+        return Path(folder)
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "benchctl" / "cache"
     if sys.platform == "darwin":
@@ -86,28 +86,28 @@ def cache_folder() -> Path:
 
 
 def recording_in(path: Path) -> Path | None:
-    """The one file of ours that holds a whole recording: the path itself or a file in it; None where there is none."""
+    """Return the file that holds the complete recording: the path itself or a file in it; None if there is none."""
     if not path.is_dir():
         return path
     return path / RECORDING if (path / RECORDING).exists() else None
 
 
 def is_open_recording(path: Path) -> bool:
-    """Whether a folder holds an open recording and nothing of ours."""
+    """Return whether a folder contains an open recording and no benchctl files."""
     return (path / OPEN_DESCRIPTION).exists() and not any((path / name).exists() for name in (RECORDING, CAMPAIGN))
 
 
 _MOST_FILES = 4096
 _ATTEMPTS = 5
-"""Looks at a folder whose files are renamed meanwhile: each time one step has become whole, at the least."""
+"""Number of attempts to read a folder whose files are renamed meanwhile: one step at least is finished each time."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownFile:
-    """A file of ours as it was when `stamp` was its own; `growing` where it is being written, or was at a death.
+    """A benchctl file at the time of `stamp`; `growing` if it is being written, or its writing was interrupted.
 
-    `channels` has the names of the channels of each step, by its index. `meta` is None of a step's own file, and
-    without the journal of others.
+    `channels` has the names of the channels of each step, by its index. `meta` is None for the file of a single step;
+    otherwise it does not contain the journal.
     """
 
     path: Path
@@ -120,8 +120,8 @@ class KnownFile:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
-    """A step, and the file that holds it."""
+class StepInFile:
+    """A step, and the file that contains it."""
 
     info: StepInfo
     file: KnownFile
@@ -134,33 +134,33 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """A campaign: its pieces in the order of time, `finished` where they are all in one recording.
+    """A campaign: its pieces in the order of time, `finished` if they are all in one recording.
 
-    `notes` say what was left out, `digest` stands for a finished recording.
+    `notes` lists what was left out, `digest` identifies a finished recording.
     """
 
     path: Path
     meta: Meta
-    pieces: tuple[Piece, ...]
+    pieces: tuple[StepInFile, ...]
     digest: str = ""
     finished: bool = True
     notes: tuple[str, ...] = ()
 
     @property
     def t_end_s(self) -> float:
-        """When the last step ends, in seconds since the start of the recording."""
+        """The end of the last step, in seconds since the start of the recording."""
         return max((piece.info.t_end for piece in self.pieces), default=0.0)
 
 
 class _Known:
-    """What is known of files, those asked for last; any thread may ask."""
+    """A cache of descriptions of the most recently used files; thread-safe."""
 
     def __init__(self) -> None:
         self._files: OrderedDict[Path, KnownFile] = OrderedDict()
         self._lock = threading.Lock()
 
     def file(self, path: Path) -> KnownFile:
-        """What a file holds; `UsageError` where it cannot be read."""
+        """Return the description of a file; `UsageError` if it cannot be read."""
         stamp = _stamp_of(path)
         with self._lock:
             found = self._files.get(path)
@@ -181,12 +181,12 @@ known_file = _known.file
 
 
 def contents_of(path: Path) -> Contents:
-    """What a campaign holds now, running or over; of an open recording its import in the cache is read.
+    """Return the current contents of a campaign, running or finished; of an open recording those of its import.
 
     Raises
     ------
     UsageError
-        Where there is none, or one of its files cannot be read.
+        If there is none, or one of its files cannot be read.
     """
     for attempt in range(1, _ATTEMPTS + 1):
         try:
@@ -198,7 +198,7 @@ def contents_of(path: Path) -> Contents:
                 return replace(found, digest=source_digest(sources))
             return _of_campaign(path)
         except UsageError:
-            # a step that became whole, or a recording that was gathered, between two looks at the folder
+            # between two readings of the folder a step was finished, or the recording was assembled
             if attempt == _ATTEMPTS or not path.is_dir():
                 raise
     raise AssertionError("the last attempt returns or raises")
@@ -206,7 +206,7 @@ def contents_of(path: Path) -> Contents:
 
 def _of_recording(path: Path, file: Path) -> Contents:
     known = known_file(file)
-    pieces = _in_order([Piece(info, known) for info in known.infos])
+    pieces = _in_order([StepInFile(info, known) for info in known.infos])
     return Contents(path, _described(known), pieces, known.digest)
 
 
@@ -222,7 +222,7 @@ def _of_campaign(folder: Path) -> Contents:
                 raise
             notes.append(f"left out: its writing had only begun ({err})")
             continue
-        pieces += [Piece(info, known) for info in known.infos]
+        pieces += [StepInFile(info, known) for info in known.infos]
     return Contents(folder, meta, _in_order(pieces), finished=False, notes=tuple(notes))
 
 
@@ -232,7 +232,7 @@ def _described(known: KnownFile) -> Meta:
     return known.meta
 
 
-def _in_order(pieces: list[Piece]) -> tuple[Piece, ...]:
+def _in_order(pieces: list[StepInFile]) -> tuple[StepInFile, ...]:
     return tuple(sorted(pieces, key=lambda piece: (piece.info.t_start, piece.info.index)))
 
 
@@ -251,7 +251,7 @@ def _read(path: Path, stamp: Stamp) -> KnownFile:
 
 
 def _steps(steps: h5py.Group) -> tuple[tuple[StepInfo, ...], dict[int, tuple[str, ...]]]:
-    """The steps in a file and the names of their channels; of steps with the same names only the first is looked at."""
+    """Return the steps in a file and their channels; of steps with the same names only the first is checked."""
     infos, channels = [], {}
     looked_at: dict[tuple[str, ...], tuple[str, ...]] = {}
     for name in names_in(steps):
@@ -268,8 +268,8 @@ def _steps(steps: h5py.Group) -> tuple[tuple[StepInfo, ...], dict[int, tuple[str
 
 
 def _without_journal(meta: Meta) -> Meta:
-    """Journals may be large, and are read from their files."""
-    return replace(meta, provenance={name: told for name, told in meta.provenance.items() if name != "journal"})
+    """Return the metadata without the journal, which may be large and is read from its file."""
+    return replace(meta, provenance={name: text for name, text in meta.provenance.items() if name != "journal"})
 
 
 def _stamp_of(path: Path) -> Stamp:
@@ -284,14 +284,14 @@ _ENDS = ("complete", "interrupted", "aborted", "imported", "simulated")
 
 
 def status_of(contents: Contents) -> str:
-    """`running`, `died` (not closed, and nobody holds its lock), or the status that its recording states."""
+    """Return `running`, `died` (not closed, and its lock is not held), or the status stated in its recording."""
     if not contents.finished:
         return RUNNING if is_held(contents.path / LOCK) else DIED
-    # a closed file that says anything else, or that it is being written, was taken away from the rest, or changed
+    # a closed file with another status, such as running, was separated from its campaign, or changed
     return contents.meta.status if contents.meta.status in _ENDS else DIED
 
 
 def died_says(path: Path) -> str:
-    """What to do about a campaign that died."""
+    """Return the advice for a campaign that died."""
     resume = f"benchctl run PROCEDURE --bench BENCH --resume {path}"
     return f"its program died: benchctl recover {path} closes it, {resume} goes on with it"

@@ -1,4 +1,4 @@
-"""One campaign in detail: its plan, its steps, its channels, its bench's limits and where it comes from."""
+"""The details of one campaign: its plan, steps, channels, bench limits and provenance."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from benchctl.bench import Bench
 from benchctl.dashboard.data.channels import described
-from benchctl.dashboard.data.contents import Piece, contents_of
+from benchctl.dashboard.data.contents import StepInFile, contents_of
 from benchctl.dashboard.data.events import lines_after
 from benchctl.dashboard.data.run_state import RunState
 from benchctl.recordings.model import Meta
@@ -33,25 +33,25 @@ _UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class BenchLimit:
-    """What a quantity may be; None: as much as it likes, on that side."""
+    """The allowed range of a quantity; None: no limit on that side."""
 
     quantity: str
     low: float | None
     high: float | None
 
     def as_json(self) -> dict[str, Any]:
-        """What the page is told of it."""
+        """Return the data for the page."""
         return {"quantity": self.quantity, "unit": _UNITS[self.quantity], "low": self.low, "high": self.high}
 
     def held_against(self, value: float | None) -> dict[str, Any]:
-        """The same with the value now and its margin: see `margin`."""
+        """Return the data with the current value and its margin: see `margin`."""
         margin = None if value is None else self.margin(value)
         return self.as_json() | {"value": value, "margin": margin}
 
     def margin(self, value: float) -> float:
-        """How much is left of the way to the nearer limit, 1 the most; negative beyond it.
+        """Return the relative distance to the nearer limit, at most 1; negative beyond it.
 
-        The way is from the middle between two limits; to a limit that stands alone, from zero.
+        The distance is relative to half the range between two limits, or to the size of a single limit.
         """
         ways = []
         if self.high is not None:
@@ -64,19 +64,19 @@ class BenchLimit:
 
 
 def bench_of(meta: Meta) -> Bench | None:
-    """The bench that a campaign is, or was, run on; None where it keeps none, as imports do."""
+    """Return the bench that a campaign is or was run on; None if the recording does not contain it, as in imports."""
     if not meta.provenance.get("bench_toml"):
         return None
-    from benchctl.campaign.provenance import recorded_bench  # it opens benches: seconds to import
+    from benchctl.campaign.provenance import recorded_bench  # it imports the instruments, which takes seconds
 
     try:
         return recorded_bench(meta, "the campaign")
-    except UsageError:  # written by a later version, or changed: the page does without
+    except UsageError:  # from a later version, or changed: the page does not need it
         return None
 
 
 def limits_of(bench: Bench | None) -> list[BenchLimit]:
-    """Its limits, then its interlocks in the order of bench.toml."""
+    """Return its limits, then its interlocks in the order of bench.toml."""
     if bench is None:
         return []
     limits = bench.limits
@@ -89,7 +89,7 @@ def limits_of(bench: Bench | None) -> list[BenchLimit]:
 
 
 def measured(values: Mapping[str, float | None], quantity: str) -> float | None:
-    """What is known now of a quantity of bench.toml, from the values that a follower has."""
+    """Return the current value of a quantity of bench.toml, from the values of a follower."""
     if quantity == "setpoint_error_c":
         air_c, setpoint_c = values.get("air_c"), values.get("setpoint_c")
         return None if air_c is None or setpoint_c is None else air_c - setpoint_c
@@ -97,14 +97,14 @@ def measured(values: Mapping[str, float | None], quantity: str) -> float | None:
 
 
 _LONGEST = 300
-"""Texts of the provenance that are longer are documents, such as bench.toml, and not for a table."""
+"""Longer texts of the provenance are documents, such as bench.toml, and not shown in a table."""
 
 
 def details_of(path: Path) -> dict[str, Any]:
-    """Plan, steps, channels, end, limits, provenance, notes and digest of a campaign, for the page.
+    """Return plan, steps, channels, end, limits, provenance, notes and digest of a campaign, for the page.
 
-    `plan` has bench times as planned and, as `began_s`, when each step really began; it is empty where the recording
-    keeps none. Times of `steps` are those of the recording. Raises `UsageError` where the campaign cannot be read.
+    `plan` has planned bench times and, as `began_s`, the actual start of each step; it is empty if the recording
+    contains none. Times of `steps` are those of the recording. Raises `UsageError` if the campaign cannot be read.
     """
     contents = contents_of(path)
     state = RunState()
@@ -122,7 +122,7 @@ def details_of(path: Path) -> dict[str, Any]:
     }
 
 
-def _step(piece: Piece) -> dict[str, Any]:
+def _step(piece: StepInFile) -> dict[str, Any]:
     info = piece.info
     return {
         "index": info.index,
@@ -143,5 +143,5 @@ def _step(piece: Piece) -> dict[str, Any]:
 
 
 def _provenance(meta: Meta) -> dict[str, str]:
-    """What is short enough to be shown."""
-    return {name: told for name, told in meta.provenance.items() if told and len(told) <= _LONGEST}
+    """Return the texts that are short enough to be shown."""
+    return {name: text for name, text in meta.provenance.items() if text and len(text) <= _LONGEST}

@@ -1,6 +1,6 @@
-"""What was stated of a campaign, as the CLI wrote it beside: calibration, diagnosis, acceptance, and their reports.
+"""The results on a campaign, written by the CLI next to it: calibration, diagnosis, acceptance, and their reports.
 
-A document that names the recordings that it was made from, by their digests, counts only where this one is among them.
+A document that names its recordings by their digests is used only if this campaign is one of them.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ Kind = Literal["calibration", "diagnosis", "acceptance"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 MOST_REPORT_BYTES = 32 << 20
-"""A self-contained page: ours have 1 to 3 MB."""
+"""Maximum size of a self-contained page: ours have 1 to 3 MB."""
 
 _STATED = re.compile(rb"<dt>Recording, SHA-256</dt>\s*<dd>([0-9a-f, ]*)</dd>")
-"""Where our reports name the recordings that they are of."""
+"""The place in our reports with the digests of the recordings."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Form:
-    """The files of a kind of document, its schema, and which of its keys the page is told."""
+    """The files of a kind of document, its schema, and the keys that are sent to the page."""
 
     summary: str
     report: str
@@ -66,13 +66,13 @@ _FORMS: Mapping[Kind, _Form] = {
     ),
 }
 _FOR_PROGRAMS = ("covariance", "text", "budget", "k_T", "k_omega", "standard", "shares", "U0_T")
-"""Keys, wherever they stand, that are left to whoever reads the file itself."""
+"""Keys at any level that are not sent to the page; programs read them from the file."""
 
 
 def document(path: Path, kind: Kind) -> dict[str, Any] | None:
-    """What the page is told of a document; None where there is none, or it is of another recording.
+    """Return the content of a document for the page; None if there is none, or if it is of another recording.
 
-    Raises `UsageError` where it cannot be read, or the campaign cannot.
+    Raises `UsageError` if it cannot be read, or if the campaign cannot.
     """
     form, place = _FORMS[kind], _place(path, kind)
     content = _summary(place, form)
@@ -82,15 +82,15 @@ def document(path: Path, kind: Kind) -> dict[str, Any] | None:
 
 
 def report_of(path: Path, kind: Kind) -> bytes | None:
-    """The stored report, HTML of our own making; None where there is none, or it is of another recording.
+    """Return the stored HTML report; None if there is none, or if it is of another recording.
 
-    Raises `UsageError` where it cannot be read or is larger than any report, or the campaign cannot be read.
+    Raises `UsageError` if it cannot be read or is too large, or if the campaign cannot be read.
     """
     return _report(_place(path, kind), _FORMS[kind], _digest(path))
 
 
 def is_there(path: Path, kind: Kind, digest: str) -> bool:
-    """Whether there is a document of that kind, or its report, of the campaign with that digest."""
+    """Return whether the campaign with that digest has a document of that kind, or its report."""
     form, place = _FORMS[kind], _place(path, kind)
     try:
         content = _summary(place, form)
@@ -102,12 +102,12 @@ def is_there(path: Path, kind: Kind, digest: str) -> bool:
 
 
 def files_of(path: Path) -> list[Path]:
-    """Where documents of a campaign and their reports are, or would be."""
+    """Return the paths of a campaign's documents and reports, existing or not."""
     return [_place(path, kind) / name for kind, form in _FORMS.items() for name in (form.summary, form.report)]
 
 
 def _place(path: Path, kind: Kind) -> Path:
-    """The folder in which the CLI leaves a document by default."""
+    """Return the folder in which the CLI stores a document by default."""
     if kind == "calibration":
         return path if path.is_dir() else path.parent
     return path.with_name(f"{path.name}.{kind}") if is_open_recording(path) else results_folder(path, kind)
@@ -129,7 +129,7 @@ def _summary(place: Path, form: _Form) -> dict[str, Any] | None:
 
 
 def _report(place: Path, form: _Form, digest: str) -> bytes | None:
-    """The report of the recording with that digest: as it says itself, or the document that it was made with."""
+    """Return the report of the recording with that digest, which it contains itself or in its document."""
     file = place / form.report
     if not file.exists():
         return None
@@ -140,14 +140,14 @@ def _report(place: Path, form: _Form, digest: str) -> bytes | None:
 
 
 def _digests(content: Mapping[str, Any]) -> set[str]:
-    """The digests of the recordings that a document says it was made from."""
+    """Return the digests of the source recordings of a document."""
     source = content.get("source")
     named = [one.get("digest", "") for one in source if isinstance(one, dict)] if isinstance(source, list) else []
     return _split(", ".join(map(str, [*named, content.get("recording_digest") or ""])))
 
 
 def _stated(page: bytes) -> set[str]:
-    """The same, of a report; the digests of one that was made of several stand side by side."""
+    """Return the digests of the source recordings of a report; there may be several."""
     found = _STATED.search(page)
     return _split(found[1].decode()) if found else set()
 
@@ -161,7 +161,7 @@ def _is_of(stated: set[str], digest: str) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """As it stands, without what is for programs only; what is not finite, and JSON has no word for, is None."""
+    """Return the value without keys for programs only; numbers that are not finite become None."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items() if key not in _FOR_PROGRAMS}
     if isinstance(value, list):

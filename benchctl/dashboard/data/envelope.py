@@ -1,8 +1,8 @@
-"""Samples reduced for drawing: blocks of samples in levels, and of each pixel the lowest and the highest value.
+"""Reduction of samples for drawing: blocks of samples in levels, and the minimum and maximum of each pixel.
 
-Rows of a block, as columns of an array of shape (blocks, 5): `FIRST`, `LAST` [s], `LOW`, `HIGH`, `COUNT`. A block
-is never a choice among its samples: its lowest and highest are those of all of them. A sample that is no number counts,
-but is neither lowest nor highest; a block of only such has NaN for both.
+The columns of an array of blocks, shape (blocks, 5), are `FIRST`, `LAST` [s], `LOW`, `HIGH`, `COUNT`. A block never
+contains a selection of samples: its minimum and maximum are over all of them. NaN samples are counted, but ignored in
+minimum and maximum; a block with only NaN has NaN for both.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ FIRST, LAST, LOW, HIGH, COUNT = range(5)
 COLUMNS = 5
 
 BLOCK = 128
-"""Samples in a block of the finest level. A view of more samples than are read at once has hundreds in a pixel."""
+"""Samples in a block of the finest level. A view too large for reading all samples has hundreds per pixel."""
 FANOUT = 16
-"""Blocks of a level that become one of the next."""
+"""Blocks of a level that are merged into one of the next."""
 
 
 def blocks_of(time_s: FloatArray, values: FloatArray, size: int = BLOCK) -> FloatArray:
-    """The blocks of samples, each shape (n,): shape (ceil(n / size), 5), the last one with what is left."""
+    """Return the blocks of samples, each shape (n,), as shape (ceil(n / size), 5); the last one contains the rest."""
     count = len(values)
     starts = np.arange(0, count, size)
     rows = np.empty((len(starts), COLUMNS))
@@ -40,7 +40,7 @@ def blocks_of(time_s: FloatArray, values: FloatArray, size: int = BLOCK) -> Floa
 
 
 def coarser(rows: FloatArray) -> FloatArray:
-    """Each `FANOUT` blocks as one, shape (ceil(n / FANOUT), 5)."""
+    """Merge every `FANOUT` blocks into one, shape (ceil(n / FANOUT), 5)."""
     starts = np.arange(0, len(rows), FANOUT)
     if not len(rows):
         return np.empty((0, COLUMNS))
@@ -57,11 +57,11 @@ def coarser(rows: FloatArray) -> FloatArray:
 
 
 class Envelope:
-    """A window of time in pixels of equal width, filled bit by bit; a sample at its very end is in the last pixel.
+    """A time window in pixels of equal width, filled step by step; a sample at its very end is in the last pixel.
 
-    Samples are put where they belong. A block of samples is put, whole, where its first one belongs; the next pixel
-    then begins behind its last one, so that what is said of a pixel is always said of the samples between its beginning
-    and that of the next one, all of them.
+    Samples are assigned to pixels by time. A block is assigned to the pixel of its first sample; the next pixel then
+    begins after its last one, so that the values of a pixel always cover all samples from its start to the start of the
+    next one.
     """
 
     def __init__(self, from_s: float, to_s: float, pixels: int) -> None:
@@ -74,27 +74,27 @@ class Envelope:
 
     @property
     def width_s(self) -> float:
-        """How long a pixel is."""
+        """The width of a pixel in seconds."""
         return (self.to_s - self.from_s) / len(self.low)
 
     @property
     def begins_s(self) -> FloatArray:
-        """When each pixel begins, shape (pixels,)."""
+        """The start of each pixel, shape (pixels,)."""
         begins = self.edges_s[:-1].copy()
         begins[1:] = np.maximum(begins[1:], np.nextafter(self._reaches_s[:-1], np.inf))
         return begins
 
     def add_samples(self, time_s: FloatArray, values: FloatArray) -> None:
-        """Put samples, each shape (n,), in; those outside the window are left out."""
+        """Add samples, each shape (n,); those outside the window are ignored."""
         if len(time_s) > 1 and not (np.diff(time_s) >= 0).all():
-            order = np.argsort(time_s, kind="stable")  # NaN come last, behind every edge
+            order = np.argsort(time_s, kind="stable")  # NaN are last, behind every edge
             time_s, values = time_s[order], values[order]
         cuts = self._cuts(time_s)
         self.samples += int(cuts[-1] - cuts[0])
         self._put(cuts, values, values)
 
     def add_blocks(self, rows: FloatArray) -> None:
-        """Put blocks in, shape (n, 5) as in `blocks`; each lies inside the window."""
+        """Add blocks, shape (n, 5) as in `blocks`; each is inside the window."""
         if len(rows) > 1 and not (np.diff(rows[:, FIRST]) >= 0).all():
             rows = rows[np.argsort(rows[:, FIRST], kind="stable")]
         cuts = self._cuts(rows[:, FIRST])
@@ -105,7 +105,7 @@ class Envelope:
             self._reaches_s[filled] = np.maximum(self._reaches_s[filled], reaches_s)
 
     def _cuts(self, time_s: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-        """Where each pixel begins among ascending times, and behind them where the last one ends."""
+        """Return the index of the first of ascending times in each pixel, and the end of the last pixel."""
         cuts = np.searchsorted(time_s, self.edges_s)
         cuts[-1] = np.searchsorted(time_s, self.to_s, side="right")
         return cuts
@@ -113,7 +113,7 @@ class Envelope:
     def _put(
         self, cuts: np.ndarray[tuple[int], np.dtype[np.intp]], low: FloatArray, high: FloatArray
     ) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-        """Take what lies between the cuts into account; the pixels in which there is something."""
+        """Update minimum and maximum with the values between the cuts; return the pixels with values."""
         filled = np.flatnonzero(cuts[1:] > cuts[:-1])
         if filled.size:
             starts, end = cuts[:-1][filled], cuts[-1]
@@ -123,24 +123,24 @@ class Envelope:
 
 
 def or_none(values: FloatArray) -> list[float | None]:
-    """Numbers as JSON has them: None for what is not finite."""
-    told: list[float | None] = values.tolist()
+    """Return numbers for JSON: None for those that are not finite."""
+    numbers: list[float | None] = values.tolist()
     for place in np.flatnonzero(~np.isfinite(values)):
-        told[place] = None
-    return told
+        numbers[place] = None
+    return numbers
 
 
 Run = tuple[int, int]
-"""Blocks from the first until before the second."""
+"""A range of blocks, end exclusive."""
 
 _FINE_ENOUGH = 0.25
-"""Of a pixel: by no more does the beginning of a pixel move where a coarse block is put into it."""
+"""Maximum length of a coarse block in pixels, and therefore maximum shift of a pixel's start."""
 
 
 class Pyramid:
-    """The levels above the blocks of the finest one, which `read` reads: shape (n, 5), from a file or from memory.
+    """The levels above the finest blocks, which `read` returns: shape (n, 5), from a file or from memory.
 
-    The levels are made by `extend`, as the blocks themselves are made.
+    The levels are computed by `extend`, while the blocks are computed.
     """
 
     def __init__(self, read: Callable[[int, int], FloatArray]) -> None:
@@ -150,11 +150,11 @@ class Pyramid:
 
     @property
     def nbytes(self) -> int:
-        """What the levels take in memory."""
+        """Memory used by the levels."""
         return sum(level.nbytes for level in self._levels)
 
     def extend(self, blocks: int) -> None:
-        """Take the finest blocks up to before `blocks` into the levels above."""
+        """Include the finest blocks up to `blocks` (exclusive) in the levels above."""
         first, self.blocks = self.blocks, blocks
         rows = self._read(first - first % FANOUT, blocks)
         level = 0
@@ -171,9 +171,9 @@ class Pyramid:
             level += 1
 
     def fill(self, envelope: Envelope) -> list[Run]:
-        """Put into an envelope what of its window is fine enough in blocks; the finest blocks that must be read whole.
+        """Add sufficiently fine blocks of an envelope's window to it; return the finest blocks to be read completely.
 
-        Those are blocks on a border of the window, and blocks longer than a pixel: a gap lies in them.
+        Those are blocks across a border of the window, and blocks longer than a pixel, which contain a gap.
         """
         level = len(self._levels)
         waiting: list[Run] = [(0, len(self._levels[-1]) if self._levels else 0)]
@@ -190,7 +190,7 @@ class Pyramid:
 
 
 def _put_fitting(envelope: Envelope, rows: FloatArray, begin: int, longest_s: float) -> list[Run]:
-    """Put in what fits, and say which of the blocks, counted on from `begin`, touch the window and do not."""
+    """Add the blocks that fit; return those that touch the window but do not fit, counted from `begin`."""
     first_s, last_s = rows[:, FIRST], rows[:, LAST]
     touches = (last_s >= envelope.from_s) & (first_s <= envelope.to_s)
     fits = touches & (first_s >= envelope.from_s) & (last_s <= envelope.to_s) & (last_s - first_s < longest_s)

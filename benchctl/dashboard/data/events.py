@@ -1,4 +1,4 @@
-"""A campaign's journal, read line by line: that in its folder or its recording, and its events in words."""
+"""Read a campaign's journal line by line, from its folder or its recording, and convert its events to sentences."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ _LONGEST = 400
 
 
 def told(event: Event) -> Told | None:
-    """What an event says, and its level; None of one that is for programs only.
+    """Return the sentence of an event, and its level; None for an event that is for programs only.
 
-    Events come from files that anybody may have written: whatever is in them, this gives one line of plain text.
+    The events are untrusted: whatever they contain, the result is one line of plain text.
     """
     kind = str(event.get("kind", ""))
     if kind == "plan":
         return None
     other = "{says}" if event.get("says") else _literal(kind.replace("_", " "))
     sentence, level = _CASES[kind](event) if kind in _CASES else _SENTENCES.get(kind, (other, "info"))
-    says = sentence.format_map(_Fields(event))
-    return cut("".join(letter if letter.isprintable() else " " for letter in says), _LONGEST), level
+    text = sentence.format_map(_Fields(event))
+    return cut("".join(letter if letter.isprintable() else " " for letter in text), _LONGEST), level
 
 
 class _Fields:
-    """The fields of an event by name, of names with `|` between the first that is there."""
+    """The fields of an event by name; of names separated by `|` the first that exists."""
 
     def __init__(self, event: Event) -> None:
         self._event = event
@@ -50,7 +50,7 @@ class _Fields:
 
 
 class _Field:
-    """A value of an event: as text, as a whole number (`:,`) or as a number to 6 decimals (`:g`), 3 (`:3g`); else ?."""
+    """A value of an event: as text, as an integer (`:,`) or as a number to 6 decimals (`:g`), 3 (`:3g`); else ?."""
 
     def __init__(self, value: object) -> None:
         self._value = value
@@ -139,7 +139,7 @@ def _recover(event: Event) -> Told:
 
 
 def _literal(value: object) -> str:
-    """A text within a sentence that is to be filled: its braces are doubled."""
+    """Return a text for use in a format string: its braces are doubled."""
     return str(value).replace("{", "{{").replace("}", "}}")
 
 
@@ -154,17 +154,17 @@ _CASES: Mapping[str, Callable[[Event], Told]] = {
     "safe": _safe,
     "silence": _silence,
 }
-"""Events of which the sentence depends on what they hold."""
+"""Events whose sentence depends on their content."""
 
 
 Line = tuple[int, dict[str, Any] | None]
-"""The number of a line, from 1, and the event that it is; None where it is none."""
+"""The number of a line, from 1, and its event; None if it is not one."""
 
 
 def lines_after(path: Path, number: int) -> Iterator[Line]:
-    """The whole lines of a campaign's journal behind line `number`; a last one without its end is left for later.
+    """Yield the complete lines of a campaign's journal after line `number`; an incomplete last line is left for later.
 
-    Raises `UsageError` where the journal cannot be read.
+    Raises `UsageError` if the journal cannot be read.
     """
     with closing(_opened(path)) as file:
         read = 0
@@ -177,7 +177,7 @@ def lines_after(path: Path, number: int) -> Iterator[Line]:
 
 
 def event_of(line: bytes) -> dict[str, Any] | None:
-    """The event that a line is; None where it is none."""
+    """Parse the event in a line; None if it is not one."""
     if len(line) > MOST_LINE_BYTES:
         return None
     return next(events_in(line.decode("utf-8", "replace").removesuffix("\n")), None)
@@ -208,9 +208,9 @@ MOST_EVENTS = 500
 
 
 def events_after(path: Path, number: int) -> dict[str, Any]:
-    """The events behind line `number` of a campaign's journal, at most 500, and the number to go on with (`next`).
+    """Return the events after line `number` of a campaign's journal, at most 500, and the next number (`next`).
 
-    Raises `UsageError` where the campaign or its journal cannot be read.
+    Raises `UsageError` if the campaign or its journal cannot be read.
     """
     events: list[dict[str, Any]] = []
     reached = number
@@ -223,18 +223,18 @@ def events_after(path: Path, number: int) -> dict[str, Any]:
 
 
 def in_words(lines: Iterable[Line]) -> list[dict[str, Any]]:
-    """The events among some lines, each with its number, when it happened (UTC), its kind, its words and its level."""
+    """Return the events in some lines, each with its number, time (UTC), kind, sentence and level."""
     found = []
     for number, event in lines:
-        says = told(event) if event is not None else None
-        if event is not None and says is not None:
+        sentence = told(event) if event is not None else None
+        if event is not None and sentence is not None:
             found.append(
                 {
                     "number": number,
                     "wall_time": str(event.get("wall_time", "")),
                     "kind": str(event.get("kind", "")),
-                    "says": says[0],
-                    "level": says[1],
+                    "says": sentence[0],
+                    "level": sentence[1],
                 }
             )
     return found

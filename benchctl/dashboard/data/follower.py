@@ -1,4 +1,4 @@
-"""Follows a campaign that runs: at each look what is new, what the run does, and what a soak waits for."""
+"""Read a running campaign repeatedly: new data, the current activity, and the progress of a soak."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _LONGEST_S = 1e12
 
 
 def doing(state: RunState, readings: Readings, soak: SoakWatch | None = None) -> str:
-    """What it does, as far as its journal and its files tell."""
+    """Return the current activity, according to the journal and the files."""
     if state.ending:
         return "closing the recording" if state.ending == "closing" else "at rest"
     if state.on_hold:
@@ -52,9 +52,9 @@ def doing(state: RunState, readings: Readings, soak: SoakWatch | None = None) ->
 
 
 class SoakFollower:
-    """Follows the soak that is played by its polls, with the rule by which the runner ends it.
+    """Follow the current soak by its polls, with the same rule for its end as the runner.
 
-    `watch` is None where no soak is played, or where the journal does not say what it waits for.
+    `watch` is None without a soak, or if the journal does not contain its parameters.
     """
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ class SoakFollower:
         self._watch: SoakWatch | None = None
 
     def take(self, news: News, state: RunState, bench: Bench | None) -> None:
-        """Take the new samples of a step into account."""
+        """Process the new samples of a step."""
         if state.step is None or news.info.index != state.step.index:
             return
         if news.info.index != self._index:
@@ -74,12 +74,12 @@ class SoakFollower:
                     self._watch.see(float(now_s), float(air_c), float(gyro_c))
 
     def watch(self, state: RunState) -> SoakWatch | None:
-        """The soak that is played now."""
+        """Return the current soak."""
         return self._watch if state.step is not None and state.step.index == self._index else None
 
 
 def soak_json(watch: SoakWatch | None, readings: Readings) -> dict[str, Any] | None:
-    """What a soak waits for, for the page: `left_s` is at least what remains once the air is within the tolerance."""
+    """Return a soak's progress for the page: `left_s` is the minimum remaining time inside the tolerance."""
     if watch is None:
         return None
     step, held_s = watch.step, watch.held_s
@@ -96,7 +96,7 @@ def soak_json(watch: SoakWatch | None, readings: Readings) -> dict[str, Any] | N
 
 
 def remaining_s(watch: SoakWatch | None) -> float:
-    """How much longer the air has to stay within the tolerance [s]; zero where no soak is played."""
+    """Return how much longer the air has to stay within the tolerance [s]; zero without a soak."""
     return 0.0 if watch is None else max(0.0, watch.step.hold_s - (watch.held_s or 0.0))
 
 
@@ -104,7 +104,7 @@ def _watch_of(state: RunState, begin_s: float, bench: Bench | None) -> SoakWatch
     planned = planned_step(state)
     if planned is None or planned.soak is None or bench is None:
         return None
-    step = replace(planned.soak, timeout_s=_LONGEST_S)  # how long it may take is the runner's matter
+    step = replace(planned.soak, timeout_s=_LONGEST_S)  # the runner checks the timeout
     return SoakWatch(step, from_c=step.setpoint_c, begin_s=begin_s, limits=bench.limits)
 
 
@@ -114,11 +114,11 @@ GONE = "unreadable"
 _LOCK_EVERY_S = 1.0
 _YOUNG_S = 5.0
 FIRST_EVENTS = 20
-"""Events that the first look tells; who wants them all reads the journal (`events_after`)."""
+"""Number of events in the first state; `events_after` reads all."""
 
 
 class Follower:
-    """Follows one campaign, whatever the number of its viewers; one thread at a time looks."""
+    """Reads one campaign for all its viewers; not thread-safe."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -133,10 +133,10 @@ class Follower:
         self._begin()
 
     def look(self, watches: Sequence[Watch] = ()) -> dict[str, Any]:
-        """The state now: the keys of the live page's message; `series` has an entry for each watch, in their order.
+        """Return the current state: the keys of the live page's message; `series` has an entry per watch, in order.
 
-        `events` are those since the look before; at the first look the last few. A campaign whose folder is gone has
-        the status `unreadable`, and `says` so. Never raises for what happens to a campaign meanwhile.
+        `events` are those since the previous call; at the first call the last few. A campaign whose folder is gone has
+        the status `unreadable`, with a sentence in `says`. Never raises for changes of a campaign in the meantime.
         """
         first = self._journal.lines == 0
         lines = self._journal.new_lines()
@@ -144,10 +144,10 @@ class Follower:
         before, self._status = self._status, self._status_now()
         if self._status == RUNNING:
             if before not in (RUNNING, ""):
-                self._begin()  # it was gone on with: its files have been put in order since
+                self._begin()  # it was resumed: its files may have been renamed in the meantime
             self._know_bench()
         elif before in (RUNNING, DIED) and self._status not in (RUNNING, DIED):
-            # gathered, perhaps with steps that no look has seen: what is drawn is taken from the recording
+            # assembled, perhaps with steps that were not read before: the trails are now read from the recording
             self._trails = Trails(self._path, StepFeed(self._path))
         trouble = self._feed() if self._status in (RUNNING, DIED) else ""
         if lines:
@@ -159,7 +159,7 @@ class Follower:
         }
 
     def close(self) -> None:
-        """Nothing stays open between two looks."""
+        """Do nothing: no files stay open between calls."""
 
     def _begin(self) -> None:
         self._readings = Readings()
@@ -168,7 +168,7 @@ class Follower:
         self._trails = Trails(self._path, self._steps)
 
     def _status_now(self) -> str:
-        """How the campaign stands; its lock is looked at once a second at the most."""
+        """Return the campaign's status; its lock is checked at most once per second."""
         if not self._path.exists():
             return GONE
         if recording_in(self._path) is not None or not (self._path / STEPS).is_dir():
@@ -182,11 +182,11 @@ class Follower:
         self._lock_looked_s = time.monotonic()
         if is_held(self._path / LOCK) or self._is_being_made():
             return RUNNING
-        # it may have been closed since the recording was looked for
+        # it may have been closed since the check for the recording
         return DIED if recording_in(self._path) is None else self._status or DIED
 
     def _is_being_made(self) -> bool:
-        """Whether the folder is so young that its program may not have come to take the lock."""
+        """Return whether the folder is so new that its program may not hold the lock yet."""
         with suppress(OSError):
             young = time.time() - (self._path / STEPS).stat().st_mtime < _YOUNG_S
             return young and not (self._path / CAMPAIGN).exists()
@@ -200,7 +200,7 @@ class Follower:
                 self._limits = limits_of(self._bench)
 
     def _feed(self) -> str:
-        """Take the new samples; why not, in words, where that cannot be done."""
+        """Read the new samples; return the reason if that is impossible."""
         try:
             for news in self._steps.news():
                 self._soak.take(news, self._state, self._bench)
@@ -243,7 +243,7 @@ class Follower:
         }
 
     def _samples_so_far(self) -> int:
-        """Those of the steps that the journal calls whole, and of the one that is being written."""
+        """Return the samples of complete steps according to the journal, and of the step that is being written."""
         over, index = self._state.samples, self._readings.index
         return over if index in self._state.samples_of else over + self._readings.streamed
 
@@ -258,7 +258,7 @@ class Follower:
 
 
 def _age_s(path: Path) -> float:
-    """How long ago a campaign's folder was last written to, by its files."""
+    """Return the time since the last change of a campaign's files."""
     latest_s = 0.0
     with suppress(OSError):
         for file in (path / JOURNAL, *(path / STEPS / name for name in entries_in(path / STEPS))):
@@ -267,15 +267,15 @@ def _age_s(path: Path) -> float:
 
 
 _SILENCE_S = 10.0
-"""Where no bench says how long its instruments may be silent."""
+"""Default for benches that do not state how long their instruments may be silent."""
 _BY_HAND = ("power_cycle", "mount", "ask")
 
 
 def patience_s(state: RunState, readings: Readings, bench: Bench | None) -> float | None:
-    """Wall time without a sample or a line of the journal that is nothing unusual; None while a person is waited for.
+    """Return the normal wall time without a sample or a line of the journal; None while waiting for a person.
 
-    It is the bench's `silence_s`, and more where no sample can come: while the table comes to rest, spins up and
-    settles before a step is recorded, while a step's file is written once more, and while all are gathered.
+    It is the bench's `silence_s`, and more when there are no samples: while the table stops, spins up and settles
+    before a step is recorded, while a step's file is rewritten, and while the files are assembled.
     """
     planned = planned_step(state)
     if state.on_hold or (planned is not None and planned.kind in _BY_HAND):
@@ -291,7 +291,7 @@ def patience_s(state: RunState, readings: Readings, bench: Bench | None) -> floa
 
 
 class JournalTail:
-    """Reads what is new at each look; of a journal that was replaced, as when a torn line is mended, what was not read.
+    """Reads new lines of a journal; of one that was replaced, for example to repair a line, only the unread lines.
 
     `lines` counts those read so far.
     """
@@ -303,7 +303,7 @@ class JournalTail:
         self.lines = 0
 
     def new_lines(self) -> list[Line]:
-        """The whole lines since the last look; none where there is no journal, or none that can be read."""
+        """Return the complete lines since the last call; none if there is no readable journal."""
         try:
             with open_file(self._path) as file:
                 return self._read(file.fileno())
@@ -323,11 +323,11 @@ class JournalTail:
             if not more:
                 break
             content += more
-        whole, _, _ = content.rpartition(b"\n")
-        if not whole:
+        complete, _, _ = content.rpartition(b"\n")
+        if not complete:
             return []
-        self._place += len(whole) + 1
+        self._place += len(complete) + 1
         first = self.lines + 1
-        lines = list(enumerate(whole.split(b"\n"), first))
+        lines = list(enumerate(complete.split(b"\n"), first))
         self.lines += len(lines)
         return [(number, event_of(line)) for number, line in lines if number > skipped]

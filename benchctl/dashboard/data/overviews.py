@@ -1,4 +1,4 @@
-"""Overviews of tracks: blocks of samples, made in the background two at a time, those of large recordings cached."""
+"""Overviews of tracks: blocks of samples, computed in two background threads, and cached for large recordings."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 MOST_SAMPLES = 2_000_000
-"""Samples that a view reads from a recording at the most: 0.2 s."""
+"""Maximum number of samples that a view reads from a recording: 0.2 s."""
 
 
 class BlocksInMemory:
-    """Blocks of what is small or still grows."""
+    """Blocks of a small or growing track."""
 
     def __init__(self) -> None:
         self._rows: FloatArray = np.empty((0, COLUMNS))
         self.rows = 0
 
     def append(self, rows: FloatArray) -> None:
-        """Add blocks, shape (n, 5)."""
+        """Append blocks, shape (n, 5)."""
         if self.rows + len(rows) > len(self._rows):
             larger = np.empty((2 * self.rows + len(rows), COLUMNS))
             larger[: self.rows] = self._rows[: self.rows]
@@ -38,23 +38,23 @@ class BlocksInMemory:
         self.rows += len(rows)
 
     def read(self, first: int, end: int) -> FloatArray:
-        """Blocks, shape (end - first, 5)."""
+        """Return blocks, shape (end - first, 5)."""
         return self._rows[first:end]
 
     @property
     def nbytes(self) -> int:
-        """What they take."""
+        """Memory used by the blocks."""
         return self._rows.nbytes
 
 
 Blocks = BlocksInMemory | BlockFile
-"""Where blocks are kept while they are made, and after."""
+"""The storage of blocks, during and after their computation."""
 
 
 class Overview:
-    """The blocks of a track up to somewhere; a thread may extend it while others look at it.
+    """The blocks of a track up to some sample; one thread may extend it while others read it.
 
-    `failed` is why it cannot be made, in words; else empty.
+    `failed` is the reason why it cannot be computed, or empty.
     """
 
     def __init__(self, blocks: Blocks, *, failed: str = "") -> None:
@@ -67,22 +67,22 @@ class Overview:
 
     @property
     def nbytes(self) -> int:
-        """What it takes in memory."""
+        """Memory used by the overview."""
         return self._pyramid.nbytes + self.blocks.nbytes
 
     def reached(self, blocks: int, samples: int, *, complete: bool = False) -> None:
-        """Say how many blocks there are by now, of how many samples."""
+        """Set the number of available blocks, and the number of samples in them."""
         with self._lock:
             self._pyramid.extend(blocks)
             self.samples, self.complete = samples, complete
 
     def fill(self, envelope: Envelope, track: Track) -> int:
-        """Put into an envelope all that is known by now of its window; the samples of the track that that covers.
+        """Add all available blocks of an envelope's window to it; return the number of samples of the track covered.
 
         Raises
         ------
         UsageError
-            Where the times of the track do not ascend: most blocks would have to be read whole.
+            If the times of the track do not ascend: most blocks would have to be read completely.
         """
         with self._lock:
             waiting, samples = self._pyramid.fill(envelope), self.samples
@@ -94,7 +94,7 @@ class Overview:
 
 
 def _read_whole(envelope: Envelope, track: Track, run: Run) -> None:
-    """Put in the samples of some blocks, one by one."""
+    """Add the samples of some blocks individually."""
     begin = 0
     for stretch in track.stretches:
         end = begin + -(-stretch.length // BLOCK)
@@ -107,11 +107,11 @@ def _read_whole(envelope: Envelope, track: Track, run: Run) -> None:
 
 _THREADS = 2
 _KEPT_FROM = 1 << 19
-"""Samples from which an overview is worth a file; below it is made as quickly as read."""
+"""Number of samples from which an overview is cached; smaller ones are computed as fast as read."""
 _MOST_MEMORY = 256 << 20
 _URGENT, _SOME_TIME, _NEVER = 1, 2, 3
 _LAST = 0, 0
-"""The turn of what ends a thread: before everything else."""
+"""The priority of the entry that ends a thread: the highest."""
 
 
 class _StoppedError(Exception):
@@ -119,7 +119,7 @@ class _StoppedError(Exception):
 
 
 class Overviews:
-    """The overviews of tracks: those that are there, and those that are being made."""
+    """The overviews of tracks: those available, and those being computed."""
 
     def __init__(self, cache: Path) -> None:
         self._cache = Cache(cache / "overviews")
@@ -133,7 +133,7 @@ class Overviews:
         self._threads: list[threading.Thread] = []
 
     def of(self, track: Track) -> Overview | None:
-        """What there is by now of a track's overview; None where nothing is."""
+        """Return the current overview of a track; None if there is none."""
         with self._lock:
             found = self._known.get(track.name)
             if found is not None:
@@ -146,26 +146,26 @@ class Overviews:
         return self._keep(track.name, found)
 
     def forget(self, track: Track) -> None:
-        """Let an overview go whose file in the cache has."""
+        """Remove an overview whose cache file was deleted."""
         with self._lock:
             self._known.pop(track.name, None)
 
     def want(self, track: Track, *, urgent: bool) -> None:
-        """Have an overview made, or one of a growing track made longer; an urgent one before those that are not."""
+        """Request the computation of an overview, or its extension; urgent ones come first."""
         turn = _URGENT if urgent else _SOME_TIME
         with self._lock:
             if self._stop.is_set() or self._asked.get(track.name, _NEVER) <= turn:
                 return
             self._asked[track.name] = turn
             number = next(self._number)
-            self._queue.put((turn, -number if urgent else number, track))  # what was looked at last is wanted first
+            self._queue.put((turn, -number if urgent else number, track))  # the last requested one comes first
             if len(self._threads) < _THREADS:
                 thread = threading.Thread(target=self._work, name="overview", daemon=True)
                 self._threads.append(thread)
                 thread.start()
 
     def close(self) -> None:
-        """Stop; what is half-made is left, and made anew another time. Safe to call twice."""
+        """Stop the threads; incomplete overviews are computed again next time. Safe to call twice."""
         self._stop.set()
         for _ in self._threads:
             self._queue.put((*_LAST, None))
@@ -186,7 +186,7 @@ class Overviews:
             try:
                 self._make(track)
             except (ChangedError, _StoppedError):
-                pass  # whoever looks next sees what is there now
+                pass  # the next reader gets what is available
             except (UsageError, OSError) as err:
                 self._keep(track.name, Overview(BlocksInMemory(), failed=str(err)))
             finally:
@@ -203,7 +203,7 @@ class Overviews:
             try:
                 with self._cache.making(track.name) as writer:
                     self._fill(track, writer, Overview(writer))
-            except OSError:  # the disk refuses: without a file, then
+            except OSError:  # disk error: continue without a file
                 self._fill_in_memory(track)
         elif found is None:
             self._fill_in_memory(track)
@@ -213,7 +213,7 @@ class Overviews:
         self._fill(track, blocks, Overview(blocks))
 
     def _fill(self, track: Track, blocks: Blocks, overview: Overview) -> None:
-        """Make an overview from its beginning to its end; it can be looked at meanwhile."""
+        """Compute an overview from start to end; it can be read meanwhile."""
         self._keep(track.name, overview)
         samples = 0
         try:
@@ -230,9 +230,9 @@ class Overviews:
         overview.reached(blocks.rows, samples, complete=True)
 
     def _extend(self, track: Track, found: Overview | None) -> None:
-        """Go on with the overview of a track that grows, as far as there are whole blocks."""
+        """Extend the overview of a growing track by its complete blocks."""
         overview = found or self._keep(track.name, Overview(BlocksInMemory()))
-        for stretch in track.stretches:  # of a step that is being written there is one
+        for stretch in track.stretches:  # a step that is being written has only one
             for time_s, values in stretch.strides(overview.samples, stretch.settled // BLOCK * BLOCK):
                 if self._stop.is_set():
                     raise _StoppedError
@@ -240,7 +240,7 @@ class Overviews:
                 overview.reached(overview.blocks.rows, overview.samples + len(values))
 
     def _keep(self, name: str, overview: Overview) -> Overview:
-        """Put an overview among those that are known, and let go of those that nobody asked for, if they are many."""
+        """Store an overview, and remove the least recently used ones above the memory limit."""
         with self._lock:
             self._known[name] = overview
             self._known.move_to_end(name)

@@ -1,8 +1,8 @@
-"""The samples of a campaign's steps as they come, and the latest reading of each quantity.
+"""The samples of a campaign's steps as they arrive, and the latest reading of each quantity.
 
-Each look yields the samples that are new, of the step being written and of those since. A step may grow, be finished
-under another name, and be followed by others between two looks: nothing is left out, and nothing given twice. Only what
-is new is read, and a file is open no longer than that takes.
+Each call yields the new samples of the step that is being written and of later ones. A step may grow, be finished under
+another name, and be followed by others between two calls: no sample is omitted or repeated. Only new samples are read,
+and a file is open only while it is read.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _STRIDE = 1 << 17
 
 @dataclass(frozen=True, slots=True)
 class News:
-    """New samples of one step: channel -> array of shape (n,), n equal on an axis; `over` with its last ones."""
+    """New samples of one step: channel -> array of shape (n,), n equal on an axis; `over` if they are its last ones."""
 
     info: StepInfo
     names: tuple[str, ...]
@@ -49,7 +49,7 @@ class News:
 
 @dataclass(slots=True)
 class _Read:
-    """How far a step has been read: of each axis so many samples. `mtime_ns` is its file's, when nothing was left."""
+    """The number of samples read per axis of a step. `mtime_ns` is that of its file after complete reading."""
 
     taken: dict[str, int] = field(default_factory=dict)
     over: bool = False
@@ -58,19 +58,19 @@ class _Read:
 
 
 class StepFeed:
-    """Follows the files of a campaign's steps from now on: steps that are finished already are not read."""
+    """Reads the files of a campaign's steps from now on: steps that are already finished are not read."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._steps = {_stem(path): _Read(over=True) for path in campaign_files(folder) if _is_finished(path)}
 
     def news(self) -> Iterator[News]:
-        """What is new; steps in the order of their files.
+        """Yield new samples; steps in the order of their files.
 
         Raises
         ------
         UsageError
-            Where a file cannot be read, as one that is only being made; the next look goes on where this one ended.
+            If a file cannot be read, for example while it is being created; the next call continues at the same place.
         """
         for path in campaign_files(self._folder):
             read = self._steps.setdefault(_stem(path), _Read())
@@ -78,7 +78,7 @@ class StepFeed:
                 yield from self._news_of(path, read)
 
     def given(self, path: Path, axis: Axis) -> int | None:
-        """How many samples of an axis have been given of a step that goes on; None of one that is over."""
+        """Return the number of samples read so far on an axis of an unfinished step; None for a finished one."""
         read = self._steps.get(_stem(path))
         return None if read is None or read.over else read.taken.get(axis, 0)
 
@@ -89,7 +89,7 @@ class StepFeed:
                 return
             with self._opened(path, read) as file, plain_errors():
                 yield from _new_samples(file, read, over=_is_finished(path))
-        except FileNotFoundError:  # it was finished since the folder was looked at: the next look finds it
+        except FileNotFoundError:  # it was finished in the meantime: the next call finds it
             return
         except (OSError, RuntimeError, ValueError) as err:
             raise UsageError(f"{path}: cannot be read yet: {' '.join(str(err).split())}") from err
@@ -103,7 +103,7 @@ class StepFeed:
 
 
 def _new_samples(file: h5py.File, read: _Read, *, over: bool) -> Iterator[News]:
-    """What of the one step in a file has not been given yet, a stretch at a time, but no more than a view reads."""
+    """Yield the unread samples of the only step in a file in parts, each at most as long as a view reads."""
     steps = child_group(file, STEPS)
     (name,) = names_in(steps)
     group = child_group(steps, name)
@@ -149,17 +149,17 @@ _CHANNELS = {
     "gyro_c": MADE["gyro_c"].of,
     "gyro_v": ("gyro_v", "poll_gyro_v"),
 }
-"""The quantities that are told, and the channels that they are taken from."""
+"""The quantities that are shown, and their channels."""
 
 _OF_A_STEP = (RATE, "angle_deg")
-"""Quantities that nobody knows any more once the step is over in which they were recorded."""
+"""Quantities that are unknown after the end of the step in which they were recorded."""
 
 
 class Readings:
-    """The last values.
+    """The latest values.
 
-    `now_s` is the latest instant of the campaign's time that anything was recorded at, `index` and `kind` are those of
-    the step that samples came of last, `streamed` its scans so far, `recorded` whether there is any sample of it.
+    `now_s` is the latest time of any sample [s of the campaign], `index` and `kind` are those of the step with the last
+    samples, `streamed` is its number of scans so far, `recorded` whether it has any samples.
     """
 
     def __init__(self) -> None:
@@ -174,19 +174,19 @@ class Readings:
 
     @property
     def values(self) -> dict[str, float | None]:
-        """Each quantity as it is known now; None where it is not."""
-        told = {name: self._values.get(name) for name in (*_CHANNELS, *_OF_A_STEP)}
-        return {**told, "noise_v_rms": self._noise_v_rms()}
+        """The latest value of each quantity; None if it is not known."""
+        latest = {name: self._values.get(name) for name in (*_CHANNELS, *_OF_A_STEP)}
+        return {**latest, "noise_v_rms": self._noise_v_rms()}
 
     @property
     def noise_says(self) -> str:
-        """Over what the noise was taken."""
+        """How the noise was computed."""
         if len(self._noise_v) < _FEWEST:
             return ""
         return f"rms of the third differences of gyro_v, over √20, of the last {len(self._noise_v)} samples (1 s)"
 
     def take(self, news: News) -> Iterator[tuple[str, FloatArray, FloatArray]]:
-        """Take new samples into account; channels as pages name them, with times and values, shape (n,) each."""
+        """Process new samples; yield channels by the page's names, with times and values, shape (n,) each."""
         if news.info.index != self.index:
             self._begin(news)
         for channel in (*news.channels, *MADE):
@@ -237,6 +237,6 @@ class Readings:
     def _noise_v_rms(self) -> float | None:
         if len(self._noise_v) < _FEWEST:
             return None
-        # third differences leave nothing of a sine's motion; of white noise they have 1 + 9 + 9 + 1 times its variance
+        # third differences suppress a sine's motion; for white noise their variance is 1 + 9 + 9 + 1 times its variance
         rms = float(np.sqrt(np.mean(np.square(np.diff(self._noise_v, 3)) / 20.0)))
         return rms if math.isfinite(rms) else None

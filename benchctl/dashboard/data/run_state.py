@@ -1,4 +1,4 @@
-"""What a journal says of a run: its plan, the step that is played, and when it will be over."""
+"""The state of a run according to its journal: its plan, the current step, and the expected end."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _LONGEST_TEXT = 200
 
 @dataclass(frozen=True, slots=True)
 class PlannedStep:
-    """A step of the plan: when it begins and ends in bench time, if nothing delays it; how long it streams.
+    """A step of the plan: its start and end in bench time without delays; its duration of streaming.
 
-    `soak` is what a soak waits for, where the journal says so.
+    `soak` contains the parameters of a soak, if the journal states them.
     """
 
     index: int
@@ -32,27 +32,27 @@ class PlannedStep:
     soak: Soak | None = None
 
     def as_json(self, began_s: float | None) -> dict[str, Any]:
-        """The step for the page; `began_s` is when it really began, None where it has not."""
+        """Return the step for the page; `began_s` is its actual start, None before it."""
         names = ("index", "label", "kind", "t_start_s", "t_end_s", "setpoint_c")
         return {**{name: getattr(self, name) for name in names}, "began_s": began_s}
 
 
 def plan_in(events: Iterable[Mapping[str, Any]]) -> tuple[PlannedStep, ...]:
-    """The last plan among some events, whole; empty where there is none, as in campaigns before plans were noted."""
-    whole: tuple[PlannedStep, ...] = ()
+    """Return the last complete plan in some events; empty if there is none, as in older campaigns."""
+    complete: tuple[PlannedStep, ...] = ()
     pieces: list[PlannedStep] = []
     for event in events:
         if event.get("kind") != "plan":
             continue
-        steps = [step for told in _list(event.get("steps")) if (step := _step(told)) is not None]
+        steps = [step for entry in _list(event.get("steps")) if (step := _step(entry)) is not None]
         if steps and steps[0].index == 1:
             pieces = []
         pieces += steps
         if len(pieces) == event.get("of") and [step.index for step in pieces] == list(range(1, len(pieces) + 1)):
-            whole = tuple(pieces)
+            complete = tuple(pieces)
         if len(pieces) > MOST_JOURNAL_LINES:
             break
-    return whole
+    return complete
 
 
 def _list(told: object) -> list[Any]:
@@ -86,7 +86,7 @@ def _soak(told: Mapping[str, Any]) -> Soak | None:
 
 
 def told_number(value: object, most: float = math.inf) -> float | None:
-    """The value as a number, None where it is none, not finite, or beyond what may be."""
+    """Return the value as a number; None if it is not one, not finite, or larger than `most`."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:
@@ -101,7 +101,7 @@ Event = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Instant:
-    """A moment by the bench's time [s since the start of the recording] and by the wall's [s since 1970]."""
+    """A moment in bench time [s since the start of the recording] and wall time [s since 1970]."""
 
     bench_s: float
     wall_s: float
@@ -109,7 +109,7 @@ class Instant:
 
 @dataclass(frozen=True, slots=True)
 class BegunStep:
-    """The step that is being played: its index in the recording, its number in the plan, and when it began."""
+    """The current step: its index in the recording, its number in the plan, and its start."""
 
     index: int
     number: int
@@ -119,11 +119,11 @@ class BegunStep:
 
 @dataclass(slots=True)
 class RunState:
-    """What is known from the events so far.
+    """The state after the events so far.
 
-    `begun` has the bench time at which each step of the plan last began, by its number in the plan.
-    `began` is when the program that runs now began, `last` the last moment that was told in both times. `ending` is
-    `rest` once the bench was brought to rest, then `closing` while the recording is being closed, else empty.
+    `begun` has the bench time of the last start of each step of the plan, by its number in the plan. `began` is the
+    start of the current program, `last` the last moment with both times. `ending` is `rest` after the bench was brought
+    to rest, then `closing` while the recording is being closed, else empty.
     """
 
     plan: tuple[PlannedStep, ...] = ()
@@ -139,11 +139,11 @@ class RunState:
 
     @property
     def samples(self) -> int:
-        """Samples in the steps that are over."""
+        """The number of samples in finished steps."""
         return sum(self.samples_of.values())
 
     def take(self, events: Iterable[Event]) -> None:
-        """Take further events into account, in their order."""
+        """Process further events in their order."""
         for event in events:
             kind, bench_s = event.get("kind"), told_number(event.get("bench_s"), LONGEST_TIME_S)
             wall_s = _wall_s(event.get("wall_time"))
@@ -171,8 +171,8 @@ class RunState:
 
     def _take_plan(self, event: Event) -> None:
         self._plan_events.append(event)
-        if whole := plan_in(self._plan_events):
-            self.plan, self._plan_events = whole, []
+        if complete := plan_in(self._plan_events):
+            self.plan, self._plan_events = complete, []
 
     def _take_step(self, event: Event, bench_s: float) -> None:
         index = event.get("index")
@@ -185,7 +185,7 @@ class RunState:
     def _take_samples(self, event: Event) -> None:
         index, samples = event.get("index"), event.get("samples")
         if isinstance(index, int) and isinstance(samples, int):
-            # the same step may be cut again and again, and each attempt is kept
+            # a step may be cut several times, and each attempt is kept
             key = index if event.get("kind") == "whole" else (index, len(self.samples_of))
             self.samples_of[key] = samples
 
@@ -199,14 +199,14 @@ def _wall_s(text: object) -> float | None:
 
 
 _SOON_S = 2.0
-"""Wall time after which a pace is known."""
+"""Minimum wall time for an estimate of the pace."""
 _LONGEST_FORECAST_S = 10 * 365 * 86400.0
 
 
 def step_now(state: RunState, now_s: float, waits_s: float = 0.0) -> dict[str, Any] | None:
-    """The step that is played; None before the first one.
+    """Return the current step; None before the first one.
 
-    `ends_s` is when it will be over: as planned, but not before `waits_s` from now; None where there is no plan.
+    `ends_s` is its expected end: as planned, but at least `waits_s` from now; None without a plan.
     """
     if state.step is None:
         return None
@@ -226,13 +226,13 @@ def _ends_s(planned: PlannedStep, began_s: float, now_s: float, waits_s: float) 
 
 
 def planned_step(state: RunState) -> PlannedStep | None:
-    """What the plan says of the step that is played."""
+    """Return the current step in the plan."""
     number = state.step.number if state.step is not None else 0
     return state.plan[number - 1] if 0 < number <= len(state.plan) else None
 
 
 def left_s(state: RunState, now_s: float, waits_s: float = 0.0) -> float | None:
-    """Bench time until the plan is over, with the step that is played as in `step_now`; None where there is no plan."""
+    """Return the bench time until the end of the plan, with the current step as in `step_now`; None without a plan."""
     planned = planned_step(state)
     if planned is None or state.step is None:
         return state.plan[-1].t_end_s if state.plan and state.step is None else None
@@ -240,7 +240,7 @@ def left_s(state: RunState, now_s: float, waits_s: float = 0.0) -> float | None:
 
 
 def ends_utc(state: RunState, now_s: float, wall_s: float, left: float | None) -> str | None:
-    """When `left` seconds of bench time will be over on the wall clock, as fast as it went so far; None: not known."""
+    """Return the wall time after `left` seconds of bench time, at the average pace so far; None if it is not known."""
     if left is None or state.began is None:
         return None
     bench_s, took_s = now_s - state.began.bench_s, wall_s - state.began.wall_s

@@ -1,8 +1,8 @@
-"""Channels over the time of a campaign, as a page draws them: never a choice among samples.
+"""Channels over the time of a campaign for drawing, always from all samples.
 
-Few samples are given one by one. Of more each pixel gets the lowest and the highest of all samples in it: read from the
-recording where the window holds up to two million, else taken from an overview of the channel, which is made once, in
-the background, and kept in the cache.
+A few samples are returned individually. For more, each pixel gets the minimum and maximum of all its samples: read from
+the recording if the window contains up to two million, else taken from an overview of the channel, which is computed
+once in the background and cached.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _MOST_TRACKS = 8192
 _ATTEMPTS = 5
 
 Part = tuple[Stretch, int, int]
-"""Some samples of a stretch: from the first until before the second."""
+"""A range of samples of a stretch, end exclusive."""
 
 
 class SeriesReader:
-    """Gives views of channels; any thread may ask. `with` closes it."""
+    """Returns views of channels; thread-safe. A context manager that closes itself."""
 
     def __init__(self, cache: Path) -> None:
         self._overviews = Overviews(cache)
@@ -41,43 +41,43 @@ class SeriesReader:
         self._lock = threading.Lock()
 
     def view(self, path: Path, channel: str, from_s: float, to_s: float, pixels: int) -> dict[str, Any]:
-        """A channel from one instant to another, both included [s of the campaign's time], in so many pixels.
+        """Return a channel between two times, both included [s of the campaign's time], in this number of pixels.
 
-        `exact`: each sample by itself, there being at most two a pixel. Else `low` and `high` are those of all samples
-        from an entry of `t_s`, which is when a pixel begins, to the next; None where there is none. `complete` is False
-        while an overview is being made: what it does not cover yet is None, `done` is how far it has come, 0 to 1.
+        `exact`: the samples are returned individually, at most two per pixel. Else `low` and `high` are those of all
+        samples from an entry of `t_s`, the start of a pixel, to the next; None without samples. `complete` is False
+        while an overview is being computed: parts not yet covered are None, `done` is its progress, 0 to 1.
 
         Raises
         ------
         UsageError
-            The campaign cannot be read or has no such channel; the window or the pixels are none.
+            If the campaign cannot be read or has no such channel; if the window or the number of pixels is invalid.
         """
         _require_window(from_s, to_s, pixels)
         for attempt in range(1, _ATTEMPTS + 1):
             try:
                 return self._view(contents_of(path), channel, from_s, to_s, pixels)
-            except ChangedError:  # a step was finished, or all were gathered: what was open is not there any more
+            except ChangedError:  # a step was finished, or all were assembled: the open file is gone
                 if attempt == _ATTEMPTS:
                     raise UsageError(f"{path}: changes faster than it can be read; look again in a moment") from None
         raise AssertionError("the last attempt returns or raises")
 
     def prepare(self, path: Path) -> None:
-        """Begin to make the overviews of a campaign's channels, those that need one, in the background.
+        """Start to compute the overviews of a campaign's channels that need one, in the background.
 
-        Raises `UsageError` where the campaign cannot be read.
+        Raises `UsageError` if the campaign cannot be read.
         """
         contents = contents_of(path)
         for one in described(_names(contents), contents.meta):
             try:
                 tracks = self._tracks_of(contents, one["name"])
             except ChangedError:
-                return  # it goes on: whoever views it sees to the rest
+                return  # it is still running: viewing it computes the rest
             if sum(track.length for track in tracks) > MOST_SAMPLES:
                 for track in tracks:
                     self._overviews.want(track, urgent=False)
 
     def close(self) -> None:
-        """Stop what goes on in the background; safe to call twice."""
+        """Stop the background threads; safe to call twice."""
         self._overviews.close()
 
     def __enter__(self) -> Self:
@@ -90,7 +90,7 @@ class SeriesReader:
         tracks = self._tracks_of(contents, channel)
         found = {track.name: _within(track, from_s, to_s) for track in tracks}
         samples = sum(end - first for parts in found.values() for _, first, end in parts)
-        said = {
+        response = {
             "channel": channel,
             "unit": unit_in_words(channel, contents.meta),
             "from_s": from_s,
@@ -101,8 +101,8 @@ class SeriesReader:
             "samples": samples,
         }
         if samples <= 2 * pixels:
-            return said | _exact([part for track in tracks for part in found[track.name]])
-        done = self._done(tracks)  # before it is drawn: by what is shown, an overview may have been finished since
+            return response | _exact([part for track in tracks for part in found[track.name]])
+        done = self._done(tracks)  # before drawing: an overview may have been finished since
         envelope = Envelope(from_s, to_s, pixels)
         left = MOST_SAMPLES
         for track in tracks:
@@ -115,20 +115,20 @@ class SeriesReader:
             rest = _behind(track, known, parts)
             missing = sum(end - first for _, first, end in rest)
             if missing > left:
-                said["complete"] = False
+                response["complete"] = False
             else:
                 _read(envelope, rest)
                 left -= missing
-        if not said["complete"]:
-            said["done"] = done
-        return said | {
+        if not response["complete"]:
+            response["done"] = done
+        return response | {
             "t_s": envelope.begins_s.tolist(),
             "low": or_none(envelope.low),
             "high": or_none(envelope.high),
         }
 
     def _fill(self, envelope: Envelope, track: Track) -> int:
-        """Put in what a track's overview covers by now, and have it made further; how many samples it covers."""
+        """Add the available part of a track's overview and request the rest; return the number of samples covered."""
         overview = self._overviews.of(track)
         if overview is None or not overview.complete:
             self._overviews.want(track, urgent=True)
@@ -138,7 +138,7 @@ class SeriesReader:
             raise UsageError(overview.failed)
         try:
             return overview.fill(envelope, track)
-        except OSError as err:  # thrown out of the cache
+        except OSError as err:  # removed from the cache
             self._overviews.forget(track)
             raise ChangedError(track.path) from err
 
@@ -148,7 +148,7 @@ class SeriesReader:
         return covered / sum(length for length, _ in known)
 
     def _tracks_of(self, contents: Contents, channel: str) -> list[Track]:
-        """The tracks of a channel; `UsageError` where no step has it."""
+        """Return the tracks of a channel; `UsageError` if no step has it."""
         files = dict.fromkeys(
             piece.file.path for piece in contents.pieces if recorded_as(channel, piece.channels) is not None
         )
@@ -190,13 +190,13 @@ def _names(contents: Contents) -> list[str]:
 
 
 def _within(track: Track, from_s: float, to_s: float) -> list[Part]:
-    """The samples of a track in a window."""
+    """Return the samples of a track in a window."""
     parts = [(stretch, *stretch.within(from_s, to_s)) for stretch in track.stretches]
     return [part for part in parts if part[1] < part[2]]
 
 
 def _behind(track: Track, covered: int, parts: list[Part]) -> list[Part]:
-    """Of some parts of a track what lies behind its first `covered` samples."""
+    """Return the parts of a track after its first `covered` samples."""
     begins, begin = {}, 0
     for stretch in track.stretches:
         begins[stretch.info.index] = begin
@@ -212,10 +212,10 @@ def _read(envelope: Envelope, parts: list[Part]) -> None:
 
 
 def _exact(parts: list[Part]) -> dict[str, Any]:
-    """Samples one by one, in the order of time."""
+    """Return individual samples in the order of time."""
     read = [stride for stretch, first, end in parts for stride in stretch.strides(first, end)]
     time_s = np.concatenate([one for one, _ in read]) if read else np.empty(0)
     values = np.concatenate([one for _, one in read]) if read else np.empty(0)
     order = np.argsort(time_s, kind="stable")
-    told = or_none(values[order])
-    return {"t_s": time_s[order].tolist(), "low": told, "high": list(told)}
+    numbers = or_none(values[order])
+    return {"t_s": time_s[order].tolist(), "low": numbers, "high": list(numbers)}

@@ -1,9 +1,8 @@
-"""A channel in a closed file: any stretch of it, read past HDF5's library.
+"""A channel in a closed file: any range of it, read without HDF5's library.
 
-h5py lets one thread at a time into the library, which also unpacks there; two threads would take turns, and every
-request would wait for them. So where the chunks lie is asked of HDF5 once, and from then on they are read from the file
-and unpacked here, by zlib and numpy, on as many cores as there are. Channels that are stored in another way than ours
-are still read by h5py.
+h5py allows one thread at a time in the library, which also decompresses there; threads would wait for each other, and
+every request for them. Therefore the positions of the chunks are read from HDF5 once; later the chunks are read from
+the file and decompressed here by zlib and numpy, on all cores. Channels with another storage layout are read by h5py.
 """
 
 from __future__ import annotations
@@ -30,38 +29,38 @@ _ITEM = 8
 
 
 class ChangedError(Exception):
-    """The file is not the one any more that was looked at: look again."""
+    """The file was changed or replaced in the meantime and has to be read again."""
 
 
 class Samples(Protocol):
-    """A row of numbers, any stretch of which can be read."""
+    """A sequence of numbers of which any range can be read."""
 
     @property
     def length(self) -> int:
-        """How many there are."""
+        """The number of samples."""
 
     def read(self, first: int, end: int) -> FloatArray:
-        """Those from `first` until before `end`, shape (end - first,)."""
+        """Return the samples from `first` to `end` (exclusive), shape (end - first,)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """What tells a file from its successor of the same name."""
+    """Distinguishes a file from a later one with the same name."""
 
     size: int
     mtime_ns: int
 
     @classmethod
     def of(cls, path: Path) -> Stamp:
-        """The stamp of a file; raises OSError where it is gone."""
+        """Return the stamp of a file; raises OSError if it does not exist."""
         found = stat_of(path)
         return cls(found.st_size, found.st_mtime_ns)
 
 
 def samples_of(path: Path, file: h5py.File, index: int, name: str, stamp: Stamp, *, growing: bool = False) -> Samples:
-    """A channel of a step, as far as it has been written; its file is open now, and need not stay so.
+    """Return a channel of a step, as far as it is written; its file, open now, may be closed afterwards.
 
-    Raises `UsageError` where there is none, or it is damaged.
+    Raises `UsageError` if there is none, or if it is damaged.
     """
     try:
         dataset = child(child_group(file, group_name(index)), name)
@@ -76,7 +75,7 @@ def samples_of(path: Path, file: h5py.File, index: int, name: str, stamp: Stamp,
 
 
 def _chunk_table(dataset: h5py.Dataset, stamp: Stamp) -> npt.NDArray[np.int64] | None:
-    """Place and size in the file of each chunk, shape (chunks, 2); None where they are not stored as ours are."""
+    """Return position and size of each chunk in the file, shape (chunks, 2); None for another storage layout."""
     storage = dataset.id.get_create_plist()
     filters = [storage.get_filter(number)[0] for number in range(storage.get_nfilters())]
     if dataset.chunks is None or filters != _PLAIN or dataset.dtype != np.dtype("<f8"):
@@ -99,7 +98,7 @@ def _chunk_table(dataset: h5py.Dataset, stamp: Stamp) -> npt.NDArray[np.int64] |
 
 
 class _Chunks:
-    """A channel in chunks that are shuffled and deflated, as ours are."""
+    """A channel in shuffled and deflated chunks, as in benchctl files."""
 
     def __init__(self, path: Path, length: int, chunk: int, table: npt.NDArray[np.int64], stamp: Stamp) -> None:
         self._path, self._length, self._chunk, self._table, self._stamp = path, length, chunk, table, stamp
@@ -132,8 +131,8 @@ class _Chunks:
         return found
 
     def _inflated(self, descriptor: int, number: int) -> npt.NDArray[np.uint8]:
-        """A chunk, shape (8, samples): shuffled, that is the first bytes of all samples, then their second ones, ..."""
-        place, size = (int(told) for told in self._table[number])
+        """Return a chunk, shape (8, samples), shuffled: the first bytes of all samples, then their second bytes, ..."""
+        place, size = (int(item) for item in self._table[number])
         try:
             plain = zlib.decompressobj().decompress(_read_at(descriptor, size, place), self._chunk * _ITEM)
         except zlib.error as err:
@@ -156,7 +155,7 @@ def _read_at(descriptor: int, size: int, place: int) -> bytes:
 
 
 class _ByLibrary:
-    """A channel that is stored in another way, or still grows (`stamp` is None): h5py reads it, opened each time."""
+    """A channel with another layout, or a growing one (`stamp` is None), read by h5py; the file is opened each time."""
 
     def __init__(self, path: Path, index: int, name: str, length: int, stamp: Stamp | None) -> None:
         self._path, self._index, self._name, self._length, self._stamp = path, index, name, length, stamp

@@ -1,4 +1,4 @@
-"""A channel in one file of a campaign: its stretches, step by step, and where on the axis of time they lie."""
+"""A channel in one file of a campaign: its stretches per step, and their place on the time axis."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from benchctl.recordings.opening import open_growing
 from benchctl_instruments.arrays import FloatArray
 
 _PLACES = 1 << 14
-"""Samples from one place of an axis that is looked at to the next: a chunk."""
+"""Distance of the samples that are read in a search on an axis: a chunk."""
 
 STRIDE = 1 << 17
-"""Samples that are in memory at once, of time and of the channel: 2 MiB."""
+"""Samples of time and channel that are in memory at once: 2 MiB."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """The samples of a channel in one step, and their times; `length` is what both have.
+    """The samples of a channel in one step, and their times; `length` is common to both.
 
-    `settled` of them stay as they are while the step goes on: its last rates are made from what is there so far.
+    `settled` of them are final while the step continues: the last rates still change with further samples.
     """
 
     info: StepInfo
@@ -41,13 +41,13 @@ class Stretch:
     last_s: float
 
     def strides(self, first: int, end: int) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Times and values of some samples, a part of them at a time."""
+        """Yield times and values of a range of samples in parts."""
         for begin in range(first, end, STRIDE):
             until = min(begin + STRIDE, end)
             yield self.time_s.read(begin, until), self.values.read(begin, until)
 
     def within(self, from_s: float, to_s: float) -> tuple[int, int]:
-        """The samples from one instant to another, both included: from the first until before the second."""
+        """Return the range of samples between two times, both included: first index, and end (exclusive)."""
         if not self.length or self.last_s < from_s or self.first_s > to_s:
             return 0, 0
         first = 0 if from_s <= self.first_s else self._place(from_s, after=False)
@@ -55,7 +55,7 @@ class Stretch:
         return first, max(first, end)
 
     def _place(self, instant_s: float, *, after: bool) -> int:
-        """The first sample that is not before an instant, or behind it; reads only a few places of the axis."""
+        """Return the first sample not before a time, or after it; reads only a few places of the axis."""
         starts = range(0, self.length, _PLACES)
         find = bisect_right if after else bisect_left
         number = find(starts, instant_s, key=lambda start: float(self.time_s.read(start, start + 1)[0]))
@@ -66,7 +66,7 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A channel in one file, its stretches in the order of time; `name` stands for its content, wherever it lies."""
+    """A channel in one file, its stretches in the order of time; `name` identifies its content, not its path."""
 
     path: Path
     channel: str
@@ -76,14 +76,14 @@ class Track:
 
     @property
     def length(self) -> int:
-        """Samples in all stretches."""
+        """The number of samples in all stretches."""
         return sum(stretch.length for stretch in self.stretches)
 
 
 def track_of(file: KnownFile, channel: str) -> Track:
-    """A channel in a file, as far as it has been written.
+    """Return a channel in a file, as far as it is written.
 
-    Raises `UsageError` where the file or the channel in it cannot be read.
+    Raises `UsageError` if the file or the channel in it cannot be read.
     """
     with open_growing(file.path) if file.growing else open_ours(file.path) as opened:
         found = (_stretch(opened, file, info, channel) for info in file.infos)
@@ -97,7 +97,7 @@ def track_of(file: KnownFile, channel: str) -> Track:
 
 
 def _stretch(opened: h5py.File, file: KnownFile, info: StepInfo, channel: str) -> Stretch | None:
-    """A channel in a step; None where the step has none of it, or no sample."""
+    """Return a channel in a step; None if the step does not contain it, or no sample."""
     recorded = recorded_as(channel, file.channels[info.index])
     if recorded is None:
         return None

@@ -1,8 +1,8 @@
-"""The last stretch of each watched channel while it is recorded: its latest samples, and older ones in larger blocks.
+"""The recent part of each watched channel during recording: its latest samples, and older ones in larger blocks.
 
 Each level holds some ten thousand rows: the first the samples themselves, each further one blocks of sixteen rows of
-the level below. So a few megabytes hold an hour of a fast channel or days of a slow one, and a view of any length of
-time has more rows than pixels. A block never goes across a gap, so that what is in it lies where the block lies.
+the level below. Therefore a few megabytes hold an hour of a fast channel or days of a slow one, and a view of any
+duration has more rows than pixels. A block never spans a gap, so that its samples are within its times.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 ROWS = 1 << 16
-"""Rows of a level that are kept at least: sixteen for each pixel of the widest page."""
+"""Minimum number of rows kept in a level: sixteen for each pixel of the widest page."""
 _LEVELS = 5
 _LATE = 3.0
-"""Usual distances that a sample may come late: polled ones come after the answers of others, by some of them."""
+"""Usual intervals by which a sample may be late: polls wait for the answers of other instruments."""
 
 
 class Trail:
-    """The trail of one channel. Samples that are not later than those before are left out."""
+    """The trail of one channel. Samples that are not later than the previous ones are ignored."""
 
     def __init__(self) -> None:
         self._levels = [_Level() for _ in range(_LEVELS)]
@@ -44,7 +44,7 @@ class Trail:
         self._usual_s = np.inf
 
     def add(self, time_s: FloatArray, values: FloatArray) -> None:
-        """Take further samples, each shape (n,), of one step."""
+        """Add samples, each shape (n,), of one step."""
         for begin in range(0, len(time_s), ROWS):
             self._add(time_s[begin : begin + ROWS], values[begin : begin + ROWS])
 
@@ -66,23 +66,23 @@ class Trail:
                 self._put(part)
 
     def end_block(self) -> None:
-        """What comes next goes into other blocks: a step is over, or a gap lies between."""
+        """Start new blocks for the next samples, after the end of a step or a gap."""
         for below, level in zip(self._levels, self._levels[1:], strict=False):
             if len(waiting := below.waiting()):
                 level.append(coarser(waiting))
                 below.folded = below.rows
 
     def view(self, from_s: float, to_s: float, pixels: int) -> dict[str, Any]:
-        """The channel in a window, as `SeriesReader.view` gives it: `t_s`, `low`, `high`; empty where there is none."""
+        """Return the channel in a window as in `SeriesReader.view`: `t_s`, `low`, `high`; empty without samples."""
         rows = self._rows_since(from_s)
         rows = rows[: np.searchsorted(rows[:, LAST], to_s, side="right")]
         if len(rows) <= 2 * pixels and (rows[:, COUNT] == 1).all():
-            told = or_none(rows[:, LOW])
-            return {"t_s": rows[:, FIRST].tolist(), "low": told, "high": list(told)}
+            numbers = or_none(rows[:, LOW])
+            return {"t_s": rows[:, FIRST].tolist(), "low": numbers, "high": list(numbers)}
         envelope = Envelope(from_s, to_s, pixels)
         envelope.add_blocks(rows)
         begins_s = envelope.begins_s
-        if rows[0, FIRST] < envelope.edges_s[1]:  # of a block on the border nobody knows what of it lies inside
+        if rows[0, FIRST] < envelope.edges_s[1]:  # it is not known which part of a block on the border is inside
             begins_s[0] = rows[0, FIRST]
         return {
             "t_s": begins_s.tolist(),
@@ -92,7 +92,7 @@ class Trail:
 
     @property
     def nbytes(self) -> int:
-        """What it takes in memory."""
+        """Memory used by the trail."""
         return sum(level.nbytes for level in self._levels)
 
     def _put(self, rows: FloatArray) -> None:
@@ -101,14 +101,14 @@ class Trail:
             if number + 1 == len(self._levels):
                 return
             waiting = level.waiting()
-            whole = len(waiting) - len(waiting) % FANOUT
-            if not whole:
+            complete = len(waiting) - len(waiting) % FANOUT
+            if not complete:
                 return
-            rows = coarser(waiting[:whole])
-            level.folded += whole
+            rows = coarser(waiting[:complete])
+            level.folded += complete
 
     def _rows_since(self, from_s: float) -> FloatArray:
-        """Rows since then of the finest level that reaches back so far, and those that are not in its blocks yet."""
+        """Return the rows since then of the finest level that reaches back so far, and those not yet in its blocks."""
         for number, level in enumerate(self._levels):
             if not level.dropped or level.begins_s <= from_s or number + 1 == len(self._levels):
                 parts = [level.kept(), *(below.waiting() for below in reversed(self._levels[:number]))]
@@ -117,9 +117,9 @@ class Trail:
 
 
 class _Level:
-    """Rows in order; the oldest are dropped when there are twice as many as are to be kept.
+    """Rows in order; the oldest are dropped when there are twice as many as needed.
 
-    `rows` counts those that there ever were, `folded` those that are in blocks of the level above.
+    `rows` counts all rows so far, `folded` those that are in blocks of the level above.
     """
 
     def __init__(self) -> None:
@@ -158,7 +158,7 @@ class _Level:
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """Channels over the last `window_s` seconds of the campaign's time, each in so many pixels."""
+    """Channels over the last `window_s` seconds of the campaign's time, each in `pixels` pixels."""
 
     channels: tuple[str, ...]
     window_s: float
@@ -171,10 +171,9 @@ _NONE = Trail()
 
 
 class Trails:
-    """Trails by the names of channels, each at least as long as the longest window in which it is watched.
+    """Trails by channel name, each at least as long as the longest window in which it is watched.
 
-    Of a channel that is faster than its window lets it be read at once, only the latest two million samples are there
-    at first.
+    If a window contains more samples than can be read at once, only the latest two million are available at first.
     """
 
     def __init__(self, folder: Path, feed: StepFeed) -> None:
@@ -182,17 +181,17 @@ class Trails:
         self._trails: dict[str, tuple[Trail, float]] = {}
 
     def add(self, channel: str, time_s: FloatArray, values: FloatArray) -> None:
-        """Take new samples of a channel, where it is watched."""
+        """Add new samples of a channel, if it is watched."""
         if channel in self._trails:
             self._trails[channel][0].add(time_s, values)
 
     def step_over(self) -> None:
-        """No block goes on into the next step."""
+        """End all blocks at the end of a step."""
         for trail, _ in self._trails.values():
             trail.end_block()
 
     def watched(self, watches: Sequence[Watch], now_s: float) -> list[dict[str, Any]]:
-        """For each watch its channels up to now; empty series for those that no step has."""
+        """Return for each watch its channels up to now; empty series for those that no step has."""
         self._begin_missing(watches, now_s)
         found: list[dict[str, Any]] = []
         for watch in watches:
@@ -210,13 +209,15 @@ class Trails:
             self._trails = {name: one for name, one in self._trails.items() if name in longest_s}
         for name, window_s in longest_s.items():
             if name not in self._trails or self._trails[name][1] > max(0.0, now_s - window_s):
-                # a little further than is asked for: who makes the window wider will do so again
+                # read more than requested, because users tend to widen the window repeatedly
                 from_s = max(0.0, now_s - 2.0 * window_s)
-                with suppress(UsageError, ChangedError, OSError):  # a step is being finished: at the next look, then
+                with suppress(
+                    UsageError, ChangedError, OSError
+                ):  # a step is being finished: try again at the next call
                     self._trails[name] = self._begun(name, from_s), from_s
 
     def _begun(self, channel: str, from_s: float) -> Trail:
-        """A trail with what was recorded since some instant and has been given by the feed."""
+        """Return a trail with the samples recorded since a time and already yielded by the feed."""
         trail = Trail()
         parts = self._before(channel, from_s)
         left = MOST_SAMPLES

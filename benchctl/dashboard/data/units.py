@@ -1,4 +1,4 @@
-"""The history of the units in a folder, for the page: what `benchctl history --json` says."""
+"""The history of the units in a folder, for the page: the data of `benchctl history --json`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _one_at_a_time = threading.Lock()
 
 
 def history_json(root: Path, cache: Path) -> dict[str, Any]:
-    """Units, their campaigns, figures and flags, and what is not counted; the index is kept in `cache`.
+    """Return units, their campaigns, figures and flags, and uncounted files; the index is stored in `cache`.
 
-    Nothing is written below `root`, and where the index lies is nobody's business (`index` is None). Raises
-    `UsageError` where there is no campaign below `root`.
+    Nothing is written below `root`, and the path of the index is not revealed (`index` is None). Raises `UsageError` if
+    there is no campaign below `root`.
     """
     name = hashlib.sha256(os.fsencode(root.resolve())).hexdigest()[:32]
     with _one_at_a_time:
         kept_at = cache / f"history-{name}.sqlite"
-        found = history_of(root, root.name, lambda says: None, kept_at=kept_at, follow_links=False)
+        found = history_of(root, root.name, lambda message: None, kept_at=kept_at, follow_links=False)
     return {**values(found, found.units), "index": None}

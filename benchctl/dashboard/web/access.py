@@ -1,4 +1,4 @@
-"""Who asks: by a token in the header, or by a session's cookie and, for what changes something, its CSRF token."""
+"""Authentication: by a token in the header, or by a session's cookie and, for changes, its CSRF token."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ _HARMLESS = frozenset({"GET", "HEAD"})
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Somebody who may ask; `secret` is that of the session, None for a program that shows a token."""
+    """An authenticated client; `secret` is that of the session, None for a program that sends a token."""
 
     role: Role
     secret: str | None = None
 
 
 async def caller_of(connection: HTTPConnection, site: SiteOf) -> Caller:
-    """Who sends a request or opens a websocket; a token that is shown decides, whatever the cookie says.
+    """Authenticate a request or a websocket; a token in the header has priority over the cookie.
 
-    Raises `RefusalError`: 401 for nobody, 403 for a session's request without its CSRF word.
+    Raises `RefusalError`: 401 for an unknown client, 403 for a session's changing request without its CSRF token.
     """
     if "authorization" in connection.headers:
         return Caller(_role_of_header(connection.headers["authorization"], site))
@@ -45,7 +45,7 @@ async def caller_of(connection: HTTPConnection, site: SiteOf) -> Caller:
 
 
 async def token_role_of(connection: HTTPConnection, site: SiteOf) -> Role:
-    """What somebody may do who shows a token in the header; `RefusalError` 401 for everybody else."""
+    """Return the role of a token in the header; `RefusalError` 401 without a valid one."""
     return _role_of_header(connection.headers.get("authorization", ""), site)
 
 
@@ -84,7 +84,7 @@ async def log_in(site: SiteOf, role: TokenRoleOf, response: Response) -> Session
 
 @router.get("", openapi_extra=ONLY_SESSION)
 async def session_now(site: SiteOf, request: Request) -> SessionSaid:
-    """The session of the cookie."""
+    """Return the session of the cookie."""
     session = site.sessions.find(request.cookies.get(site.cookie, ""))
     if session is None:
         raise _no_session()

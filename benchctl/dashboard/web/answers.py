@@ -1,4 +1,4 @@
-"""The answers: JSON, made in the thread that read it, or a refusal with its status; and the threads that read.
+"""Responses as JSON, serialized in the thread that read the data, or refusals with their status; and the thread pools.
 
 The threads are daemons: the end of the program does not wait for a recording that is still being read.
 """
@@ -23,7 +23,7 @@ _Job = tuple[asyncio.AbstractEventLoop, "asyncio.Future[Any]", Callable[[], Any]
 
 
 class Readers:
-    """`threads` jobs at once, `waiting` more in the queue, the rest refused; a job nobody waits for is not begun."""
+    """A pool: `threads` jobs at once, `waiting` more in the queue, others refused; cancelled jobs are not started."""
 
     def __init__(self, name: str, *, threads: int, waiting: int, within_s: float = 30.0) -> None:
         self._jobs: queue.Queue[_Job] = queue.Queue(waiting)
@@ -32,12 +32,12 @@ class Readers:
             threading.Thread(target=self._work, name=f"{name}-{number}", daemon=True).start()
 
     async def run(self, job: Callable[[], T]) -> T:
-        """What a job returns or raises.
+        """Return what a job returns, or raise its exception.
 
         Raises
         ------
         RefusalError
-            503, where too many are waiting, or the answer does not come in time.
+            503, if too many jobs are waiting, or the result does not arrive in time.
         """
         loop = asyncio.get_running_loop()
         future: asyncio.Future[T] = loop.create_future()
@@ -56,7 +56,7 @@ class Readers:
                 continue
             try:
                 result, error = job(), None
-            except Exception as err:  # whoever asked is told, as if it had called the job itself
+            except Exception as err:  # the caller gets it, as if it had called the job itself
                 result, error = None, err
             try:
                 loop.call_soon_threadsafe(_settle, future, result, error)
@@ -74,7 +74,7 @@ def _settle(future: asyncio.Future[Any], result: object, error: Exception | None
 
 
 class RefusalError(Exception):
-    """A request that is refused: HTTP status, one line, and headers that belong to that status."""
+    """A refused request: HTTP status, a message of one line, and headers that belong to the status."""
 
     def __init__(self, status: int, says: str, headers: Mapping[str, str] | None = None) -> None:
         super().__init__(says)
@@ -82,12 +82,12 @@ class RefusalError(Exception):
 
 
 def error_body(says: str) -> bytes:
-    """The body of every answer that is an error."""
+    """Return the body of an error response."""
     return json.dumps({"error": says}, ensure_ascii=False).encode()
 
 
 async def send_refusal(scope: Scope, send: Send, refusal: RefusalError) -> None:
-    """Refuse a request, or a websocket before it is one."""
+    """Refuse a request, or a websocket before the handshake is complete."""
     kind = "websocket.http.response" if scope["type"] == "websocket" else "http.response"
     body = error_body(refusal.says)
     headers = {"content-type": "application/json", "content-length": str(len(body)), **refusal.headers}
@@ -97,7 +97,7 @@ async def send_refusal(scope: Scope, send: Send, refusal: RefusalError) -> None:
 
 
 def json_text(value: Any) -> str:
-    """A value as JSON, which has no NaN and no infinity: they become null."""
+    """Return a value as JSON; NaN and infinity, which JSON lacks, become null."""
     try:
         return _dumped(value)
     except ValueError:
@@ -105,7 +105,7 @@ def json_text(value: Any) -> str:
 
 
 async def answer(readers: Readers, read: Callable[[], Any]) -> Response:
-    """Whatever `read` returns, as an answer; it runs in one of the `readers`."""
+    """Return the result of `read` as a JSON response; it runs in one of the `readers`."""
     body = await readers.run(lambda: json_text(read()).encode())
     return Response(body, media_type="application/json")
 

@@ -1,4 +1,4 @@
-"""The live page as one ASGI application: routes, errors in words, and the gate before all of it."""
+"""The live page as one ASGI application: routes, error handlers, and the gate in front of them."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ Term = Annotated[str, PathParameter(min_length=1, max_length=100)]
 
 @router.get("/history", response_model=History, responses={404: {"model": Error}}, tags=["units"])
 async def history(site: SiteOf, caller: CallerOf) -> Response:
-    """What calibrations and acceptances said of each unit over time."""
+    """Return the results of calibrations and acceptances of each unit over time."""
     return await answer(site.heavy, lambda: _history(site))
 
 
 @router.get("/explain/{term}", response_model=Explanation, responses={404: {"model": Error}}, tags=["words"])
 async def explain(term: Term, site: SiteOf, caller: CallerOf) -> Response:
-    """Words for an effect, a metric or a term."""
+    """Explain an effect, a metric or a term."""
     return await answer(site.heavy, lambda: _explained(site, term))
 
 
 @router.get("/openapi.json", include_in_schema=False)
 async def openapi(request: Request, caller: CallerOf) -> Response:
-    """Describe the interface for programs."""
+    """Return the OpenAPI description of the interface."""
     return JSONResponse(request.app.openapi())
 
 
@@ -56,7 +56,7 @@ def _history(site: Site) -> object:
 
     try:
         return history_json(site.root, site.cache)
-    except UsageError as err:  # nothing below the folder states anything of a unit
+    except UsageError as err:  # no file in the folder states a result of a unit
         raise RefusalError(404, str(err)) from err
 
 
@@ -76,13 +76,13 @@ _TYPES = {
     ".txt": "text/plain; charset=utf-8",
     "": "text/plain; charset=utf-8",
 }
-"""What the page may consist of; LICENSE has no ending."""
+"""Suffixes of the page's files with their media types; LICENSE has no suffix."""
 _INDEX = "index.html"
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """One file."""
+    """A file of the page."""
 
     content: bytes
     type: str
@@ -90,14 +90,14 @@ class Page:
 
 
 def load_pages() -> dict[str, Page]:
-    """All files of the page, by their path below its folder, with `/`."""
+    """Load all files of the page, by their path relative to its folder, with `/`."""
     root = Path(benchctl.dashboard.__file__).parent / "page"
     files = [path for path in root.rglob("*") if path.suffix in _TYPES and path.is_file()]
     return {path.relative_to(root).as_posix(): _page(path) for path in files}
 
 
 def page_routes(pages: Mapping[str, Page]) -> list[Route]:
-    """`index.html` at `/`, the others below `/page/`."""
+    """Return the routes: `index.html` at `/`, the others below `/page/`."""
 
     async def index(request: Request) -> Response:
         return _answer(request, pages.get(_INDEX))
@@ -127,7 +127,7 @@ _SAYS = {404: "there is nothing at this address", 405: "this address does not ta
 
 
 def page_app(site: Site, names: frozenset[str]) -> ASGIApp:
-    """The application for a site; `names` are those under which it may be asked for."""
+    """Return the application for a site; `names` are the accepted host names."""
     app = FastAPI(title="benchctl", version=benchctl.__version__, openapi_url=None, docs_url=None, redoc_url=None)
     app.state.site = site
     for part in (access.router, campaign_routes.router, live_routes.router, router):
@@ -168,8 +168,8 @@ async def _refused(connection: HTTPConnection, error: Exception) -> Response:
 
 async def _unrouted(connection: HTTPConnection, error: Exception) -> Response:
     assert isinstance(error, HTTPException)  # noqa: S101 - for the type
-    says = _SAYS.get(error.status_code, str(error.detail))
-    return _said(error.status_code, says, dict(error.headers or {}))
+    message = _SAYS.get(error.status_code, str(error.detail))
+    return _said(error.status_code, message, dict(error.headers or {}))
 
 
 async def _not_understood(connection: HTTPConnection, error: Exception) -> Response:

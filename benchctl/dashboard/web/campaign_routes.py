@@ -1,4 +1,4 @@
-"""What is asked of campaigns: which there are, what is in one, what was stated of it; and to stop a run."""
+"""Routes of campaigns: the list, the contents and results of one, and the request to stop a run."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from benchctl.dashboard.web.models import (
     Calibration,
     CampaignDetails,
     Campaigns,
+    ChannelSeries,
     Diagnosis,
     Error,
     Events,
-    Series,
     StopAsked,
     StopOrder,
 )
@@ -46,17 +46,17 @@ _one: dict[int | str, dict[str, Any]] = {404: {"model": Error}}
 
 @router.get("", response_model=Campaigns)
 async def campaigns(site: SiteOf, caller: CallerOf) -> Response:
-    """All campaigns below the folder, newest first."""
+    """Return all campaigns below the folder, newest first."""
     return await answer(site.quick, lambda: {"campaigns": site.catalogue.list()})
 
 
 @router.get("/{key}", response_model=CampaignDetails, responses=_one)
 async def campaign(key: Key, site: SiteOf, caller: CallerOf) -> Response:
-    """One campaign: plan, steps, channels, limits, provenance."""
+    """Return one campaign: plan, steps, channels, limits, provenance."""
     return await answer(site.heavy, lambda: _details(site, key))
 
 
-@router.get("/{key}/series", response_model=Series, responses=_one)
+@router.get("/{key}/series", response_model=ChannelSeries, responses=_one)
 async def series(
     key: Key,
     site: SiteOf,
@@ -66,7 +66,7 @@ async def series(
     to_s: Seconds,
     pixels: Annotated[int, Query(ge=1, le=MOST_PIXELS)] = 1200,
 ) -> Response:
-    """A channel between two instants [s], on the campaign's own time axis."""
+    """Return a channel between two times [s] on the campaign's own time axis."""
     return await answer(site.heavy, lambda: site.series.view(site.path_of(key), channel, from_s, to_s, pixels))
 
 
@@ -74,13 +74,13 @@ async def series(
 async def events(
     key: Key, site: SiteOf, caller: CallerOf, after: Annotated[int, Query(ge=0, le=MOST_EVENT_NUMBER)] = 0
 ) -> Response:
-    """The journal in words, at most 500 lines behind the one with that number."""
+    """Return the journal as sentences, at most 500 lines after the one with that number."""
     return await answer(site.quick, lambda: events_after(site.path_of(key), after))
 
 
 @router.get("/{key}/documents/{kind}", response_model=Calibration | Diagnosis | Acceptance, responses=_one)
 async def stated(key: Key, kind: Kind, site: SiteOf, caller: CallerOf) -> Response:
-    """What a calibration, a diagnosis or an acceptance stated, in short."""
+    """Return a summary of a calibration, a diagnosis or an acceptance."""
     return await answer(site.heavy, lambda: _there(document(site.path_of(key), kind), kind))
 
 
@@ -90,7 +90,7 @@ async def stated(key: Key, kind: Kind, site: SiteOf, caller: CallerOf) -> Respon
     responses={**_one, 200: {"content": {"text/html": {"schema": {"type": "string"}}}}},
 )
 async def report(key: Key, kind: Kind, site: SiteOf, caller: CallerOf) -> Response:
-    """The stored report itself, for a frame that runs nothing."""
+    """Return the stored report, for a frame without scripts."""
     content = await site.heavy.run(lambda: _there(report_of(site.path_of(key), kind), kind))
     headers = {"Content-Security-Policy": REPORT_POLICY}
     return Response(content, media_type="text/html; charset=utf-8", headers=headers)
@@ -105,7 +105,7 @@ async def report(key: Key, kind: Kind, site: SiteOf, caller: CallerOf) -> Respon
 async def stop(
     key: Key, order: StopOrder, site: SiteOf, caller: CallerOf, x_csrf: CsrfHeader = None
 ) -> dict[str, bool]:
-    """Ask a run to stop as Ctrl-C would: table at rest, chamber safe, both read back, the recording closed."""
+    """Request a run to stop as with Ctrl-C: table at rest, chamber safe, both read back, the recording closed."""
     if caller.role != "operator":
         raise RefusalError(403, "this token only looks; a run is stopped with the other one, or at its terminal")
     await site.quick.run(lambda: _ask_to_stop(site, key, order.confirm))
@@ -114,10 +114,12 @@ async def stop(
 
 def _details(site: Site, key: str) -> dict[str, Any]:
     path, entry = site.path_of(key), site.catalogue.entry(key)
-    told = {**details_of(path), **entry}
-    if entry["status"] != "running":  # who looks at a campaign will want to see its channels; a run comes first
+    details = {**details_of(path), **entry}
+    if (
+        entry["status"] != "running"
+    ):  # a viewer of a campaign usually requests its channels next; running campaigns have priority
         site.series.prepare(path)
-    return told
+    return details
 
 
 def _ask_to_stop(site: Site, key: str, confirm: str) -> None:

@@ -1,7 +1,7 @@
-"""What every request passes first: its address, its origin, its body; and what every answer carries.
+"""Checks of every request: host, origin and body; and the headers of every response.
 
-A name that is not ours in `Host` means that somebody's domain was pointed at this machine (DNS rebinding). The port is
-not checked: at the other end of an SSH tunnel it is another one.
+An unknown name in `Host` means that another domain was pointed at this machine (DNS rebinding). The port is not
+checked, because it differs at the other end of an SSH tunnel.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ _LOOPBACK_NAMES = frozenset({"127.0.0.1", "::1", "localhost"})
 
 
 def own_names(host: str) -> frozenset[str]:
-    """The names under which a server that listens at `host` may be asked for, beside its addresses."""
+    """Return the accepted host names of a server that listens at `host`, in addition to IP addresses."""
     if is_loopback(host):
         return _LOOPBACK_NAMES
     return _LOOPBACK_NAMES | {name.lower() for name in (host, socket.gethostname(), socket.getfqdn())}
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches that address."""
+    """Return whether an address is reachable only from this machine."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -34,7 +34,7 @@ def is_loopback(host: str) -> bool:
 
 
 def refuse_foreign(headers: Headers, names: frozenset[str], *, origin_matters: bool) -> None:
-    """Raise `RefusalError` for a `Host` that is not ours, or an `Origin`, where it is sent and matters, that is not."""
+    """Raise `RefusalError` for an unknown `Host`, or for a foreign `Origin` if it is sent and matters."""
     hosts = headers.getlist("host")
     if len(hosts) != 1 or not _is_ours(_name_of(hosts[0]), names):
         raise RefusalError(421, "this server has another name; open it by the address that benchctl serve printed")
@@ -56,7 +56,7 @@ def _is_ours(name: str, names: frozenset[str]) -> bool:
 
 
 def _name_of(host: str) -> str:
-    """The name in a `Host` header, lower case, without port and brackets; empty where it is none."""
+    """Return the name in a `Host` header in lower case, without port and brackets; empty if it is invalid."""
     name, colon, port = host.rpartition(":")
     if not colon or host.endswith("]"):
         name, port = host, "0"
@@ -76,7 +76,7 @@ PAGE_POLICY = (
     "frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
-"""A stored report was made by this suite, but the folder may have come from anywhere: it must not run anything."""
+"""A stored report was made by this suite, but the folder may come from anywhere: it must not run scripts."""
 
 _HEADERS = {
     "Content-Security-Policy": PAGE_POLICY,
@@ -90,7 +90,7 @@ _HARMLESS = frozenset({"GET", "HEAD"})
 
 
 class Gate:
-    """Refuses what is not meant for us or is too large, and adds the headers that every answer carries."""
+    """ASGI middleware that refuses foreign or too large requests, and adds headers to every response."""
 
     def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
         self._app, self._names = app, names
@@ -128,10 +128,10 @@ def _dressed(send: Send, *, private: bool) -> Send:
 
 
 async def _body(scope: Scope, receive: Receive) -> bytes:
-    """The whole body of a request; `RefusalError` where it is too large or does not come."""
+    """Read the complete body of a request; `RefusalError` if it is too large or late."""
     too_large = RefusalError(413, f"the body is larger than {MOST_BODY_BYTES} bytes", _CLOSE)
-    said = Headers(scope=scope).get("content-length", "0")
-    if not said.isdigit() or int(said) > MOST_BODY_BYTES:
+    length = Headers(scope=scope).get("content-length", "0")
+    if not length.isdigit() or int(length) > MOST_BODY_BYTES:
         raise too_large
     body = b""
     try:
@@ -150,7 +150,7 @@ async def _body(scope: Scope, receive: Receive) -> bytes:
 
 
 def _once(body: bytes, receive: Receive) -> Receive:
-    """What gives the body that was read, then whatever comes after it."""
+    """Return a receive function that gives the body already read, then the following messages."""
     pending: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 
     async def receiving() -> Message:

@@ -1,4 +1,4 @@
-"""`WS /api/campaigns/{id}/live`: what a campaign does, up to four times a second."""
+"""`WS /api/campaigns/{id}/live`: the state of a campaign, up to four times a second."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from benchctl.dashboard.web.site import Site, SiteOf
 MOST_MESSAGE_BYTES = 4 << 10
 TAKEN_WITHIN_S = 20.0
 _PAUSE_S = 0.05
-"""Between two messages of one viewer that are read: nobody needs more."""
+"""Pause between two messages read from one viewer."""
 _GOODBYE_WITHIN_S = 2.0
 _POLICY, _TROUBLE, _LATER = 1008, 1011, 1013
 _LONGEST_REASON = 120
-"""Bytes; a frame that closes a websocket holds 123."""
+"""Bytes; a websocket's close frame holds 123."""
 
 Goodbye = tuple[int, str]
 """Code and reason."""
@@ -31,7 +31,7 @@ Channel = Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9_]{0,63}$")]
 
 
 class Wish(BaseModel):
-    """What a viewer wants drawn."""
+    """The channels that a viewer requests."""
 
     model_config = ConfigDict(extra="forbid")
     channels: list[Channel] = Field(max_length=16)
@@ -40,7 +40,7 @@ class Wish(BaseModel):
 
 
 class WishMessage(BaseModel):
-    """What a viewer may send."""
+    """A message from a viewer."""
 
     model_config = ConfigDict(extra="forbid")
     watch: Wish
@@ -51,7 +51,7 @@ router = APIRouter()
 
 @router.websocket("/api/campaigns/{key}/live")
 async def live(socket: WebSocket, key: str, site: SiteOf, caller: CallerOf) -> None:
-    """Send a campaign's state until the viewer goes, logs out, or takes nothing any more."""
+    """Send a campaign's state until the viewer disconnects, logs out, or stops reading."""
     path = await site.quick.run(lambda: site.path_of(key))
     await socket.accept()
     viewer = Viewer()
@@ -72,7 +72,7 @@ async def live(socket: WebSocket, key: str, site: SiteOf, caller: CallerOf) -> N
 
 
 async def _hear(socket: WebSocket, viewer: Viewer) -> Goodbye | None:
-    """Take what the viewer wants; returns how to end it, None where the viewer has gone."""
+    """Receive the viewer's requests; return the code and reason for closing, None if the viewer has disconnected."""
     try:
         while True:
             wish = WishMessage.model_validate_json(await socket.receive_text()).watch
@@ -85,7 +85,7 @@ async def _hear(socket: WebSocket, viewer: Viewer) -> Goodbye | None:
 
 
 async def _tell(socket: WebSocket, viewer: Viewer, site: Site, caller: Caller) -> Goodbye | None:
-    """Send what is new; returns how to end it, None where the viewer has gone or takes nothing."""
+    """Send new states; return the code and reason for closing, None if the viewer is gone or stopped reading."""
     try:
         while text := await viewer.next_text():
             if caller.secret is not None and site.sessions.find(caller.secret) is None:

@@ -1,4 +1,4 @@
-"""What the interface takes and gives, as its OpenAPI document says it; the page and other programs rely on it."""
+"""Requests and responses of the interface, as in its OpenAPI document; the page and other programs rely on them."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ Numbers = list[float | None]
 
 
 class Exact(BaseModel):
-    """An object with these keys and no others."""
+    """An object with exactly these keys."""
 
     model_config = ConfigDict(extra="forbid")
 
 
 class Error(Exact):
-    """Why a request was refused, in one line."""
+    """The reason for a refused request, in one line."""
 
     error: str
 
 
 class SessionSaid(Exact):
-    """A session: what it may do, and the word that goes as `X-CSRF` with all that changes something."""
+    """A session: its role, and the CSRF token to be sent as `X-CSRF` with every change."""
 
     role: Role
     csrf: str
@@ -67,7 +67,7 @@ class Campaigns(Exact):
 
 
 class PlannedStep(Exact):
-    """A step of the plan, with the bench time that was planned for it, and when it really began."""
+    """A step of the plan, with its planned bench time and its actual start."""
 
     index: int
     label: str
@@ -79,7 +79,7 @@ class PlannedStep(Exact):
 
 
 class Step(Exact):
-    """A step that was recorded."""
+    """A recorded step."""
 
     index: int
     name: str
@@ -98,7 +98,7 @@ class Step(Exact):
 
 
 class Channel(Exact):
-    """A channel, its unit, what it is, and the time axis that it lies on."""
+    """A channel with its unit, a description, and the time axis that it belongs to."""
 
     name: str
     unit: str | None
@@ -106,7 +106,7 @@ class Channel(Exact):
     axis: str
 
 
-class Limit(Exact):
+class BenchLimit(Exact):
     """A limit of the bench."""
 
     quantity: str
@@ -122,14 +122,14 @@ class CampaignDetails(Campaign):
     steps: list[Step]
     channels: list[Channel]
     t_end_s: float
-    limits: list[Limit]
+    limits: list[BenchLimit]
     provenance: dict[str, str]
     notes: list[str]
     digest: str
 
 
-class Series(Exact):
-    """A channel over time: every sample where `exact`, else the least and the most of all samples in each pixel."""
+class ChannelSeries(Exact):
+    """A channel over time: every sample if `exact`, else the minimum and maximum of all samples in each pixel."""
 
     channel: str
     unit: str | None
@@ -145,7 +145,7 @@ class Series(Exact):
 
 
 class Event(Exact):
-    """A line of the journal, in words."""
+    """A line of the journal as a sentence."""
 
     number: int
     wall_time: str
@@ -155,14 +155,14 @@ class Event(Exact):
 
 
 class Events(Exact):
-    """Events, and the number after which to go on."""
+    """Events, and the number from which to continue."""
 
     events: list[Event]
     next: int
 
 
 class Calibration(Exact):
-    """What a calibration found, in short; keys as in `coefficients.json`, those that it has."""
+    """Summary of a calibration; keys as in `coefficients.json`, if present there."""
 
     unit: str = ""
     output_unit: str = ""
@@ -185,7 +185,7 @@ class Calibration(Exact):
 
 
 class Diagnosis(Exact):
-    """What a diagnosis found, in short; keys as in `diagnosis.json`."""
+    """Summary of a diagnosis; keys as in `diagnosis.json`."""
 
     verdict: str
     says: Any = None
@@ -200,7 +200,7 @@ class Diagnosis(Exact):
 
 
 class Acceptance(Exact):
-    """What the tests of a gyro found, in short; keys as in `acceptance.json`."""
+    """Summary of the acceptance tests of a gyro; keys as in `acceptance.json`."""
 
     verdict: str
     tally: str | None = None
@@ -214,25 +214,25 @@ class Acceptance(Exact):
 
 
 class History(BaseModel):
-    """Units over time, as `benchctl history --json` has them."""
+    """Units over time, as in `benchctl history --json`."""
 
     model_config = ConfigDict(extra="allow")
     units: list[dict[str, Any]]
 
 
 class Explanation(BaseModel):
-    """Words for an effect, a metric or a term."""
+    """The explanation of an effect, a metric or a term."""
 
     model_config = ConfigDict(extra="allow")
 
 
 class StopOrder(Exact):
-    """The campaign's name, typed by whoever stops it."""
+    """The campaign's name, typed by the user for confirmation."""
 
     confirm: str = Field(max_length=500)
 
 
 class StopAsked(Exact):
-    """The run has been asked; it comes to rest by itself."""
+    """The request was sent to the run, which stops by itself."""
 
     asked: Literal[True]

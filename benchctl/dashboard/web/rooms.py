@@ -1,6 +1,6 @@
-"""Everybody who watches one campaign, in one room: it is followed once, however many there are.
+"""A room for each campaign that is watched: it is read once for all its viewers.
 
-A viewer who is slow gets the latest state and not those before, but every event.
+A slow viewer gets the latest state and not the earlier ones, but every event.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from benchctl_instruments.errors import UsageError
 
 MOST_VIEWERS = 64
 PERIOD_S = 0.25
-"""Between two looks at a campaign that runs."""
+"""Interval between two readings of a running campaign."""
 QUIET_PERIOD_S = 2.0
-"""Between two looks at one that does not: it may be resumed."""
+"""Interval between two readings of another campaign: it may be resumed."""
 MOST_EVENTS = 500
 
 Frame = Mapping[str, Any]
 
 
 class Viewer:
-    """Somebody who watches: what is wanted, and the latest that is to be sent."""
+    """A client that watches: its requested channels, and the latest state to send."""
 
     def __init__(self) -> None:
         self.watch: Watch | None = None
@@ -37,23 +37,23 @@ class Viewer:
         self._news = asyncio.Event()
 
     def begin(self, events: Iterable[Any]) -> None:
-        """Give the events of before somebody came, with the next state."""
+        """Send past events with the next state."""
         self._missed = list(events)
 
     def offer(self, frame: Frame, text: str) -> None:
-        """Give a state, as `text` too, in place of the one that has not been sent yet."""
+        """Set the next state to send, also as `text`; it replaces one that was not sent yet."""
         if self._frame is not None:
             self._missed = [*self._missed, *self._frame["events"]][-MOST_EVENTS:]
         self._frame, self._text = frame, text
         self._news.set()
 
     def end(self, says: str) -> None:
-        """Tell that nothing more will come, and why."""
+        """Announce that no more states will follow, and why."""
         self.ended = says or "over"
         self._news.set()
 
     async def next_text(self) -> str:
-        """The next state to send, once there is one; empty where nothing more will come."""
+        """Return the next state to send, waiting for it; empty if no more will follow."""
         await self._news.wait()
         if self._frame is None:
             return ""
@@ -65,7 +65,7 @@ class Viewer:
 
 
 class Room:
-    """The viewers of one campaign, and the task that follows it while there are any."""
+    """The viewers of one campaign, and the task that reads it while there are any."""
 
     def __init__(self, follow: Callable[[], Follower], readers: Readers) -> None:
         self.is_open = True
@@ -75,32 +75,32 @@ class Room:
         self._task: asyncio.Task[None] | None = None
 
     def enter(self, viewer: Viewer) -> None:
-        """Let somebody watch, and begin to follow with the first one."""
+        """Add a viewer; the first one starts the task."""
         viewer.begin(self._events)
         self._viewers.add(viewer)
         if self._task is None:
             self._task = asyncio.create_task(self._run())
 
     def leave(self, viewer: Viewer) -> None:
-        """Let somebody go; behind the last one the room closes at the next look."""
+        """Remove a viewer; without viewers the room closes at the next reading."""
         self._viewers.discard(viewer)
 
     async def _run(self) -> None:
-        says = "the server cannot follow this campaign any more"
+        message = "the server cannot follow this campaign any more"
         try:
             follower = await self._readers.run(self._follow)
             try:
                 while self._viewers:
                     await self._look(follower)
             finally:
-                self.is_open = False  # before anything else may run: nobody enters a room that nobody follows
+                self.is_open = False  # before any other task runs: otherwise a viewer could enter a room without a task
             await self._readers.run(follower.close)
         except (UsageError, OSError, RefusalError) as err:
-            says = str(err)
+            message = str(err)
         finally:
             self.is_open = False
             for viewer in self._viewers:
-                viewer.end(says)
+                viewer.end(message)
 
     async def _look(self, follower: Follower) -> None:
         loop = asyncio.get_running_loop()
@@ -112,11 +112,11 @@ class Room:
             viewer.offer(*frames.get(viewer.watch, frames[None]))
         took_s = loop.time() - began_s
         period_s = PERIOD_S if frames[None][0]["status"] == "running" else QUIET_PERIOD_S
-        await asyncio.sleep(max(took_s, period_s - took_s))  # looking never takes more than half of the time
+        await asyncio.sleep(max(took_s, period_s - took_s))  # reading takes at most half of the time
 
 
 class Rooms:
-    """The rooms of all campaigns that somebody watches."""
+    """The rooms of all campaigns with viewers."""
 
     def __init__(self) -> None:
         self._rooms: dict[Path, Room] = {}
@@ -124,7 +124,7 @@ class Rooms:
         self._count = 0
 
     def enter(self, path: Path, viewer: Viewer) -> Room | None:
-        """Let somebody watch a campaign; None where there are too many viewers."""
+        """Add a viewer of a campaign; return None if there are too many viewers."""
         if self._count >= MOST_VIEWERS:
             return None
         self._count += 1
@@ -136,13 +136,13 @@ class Rooms:
         return room
 
     def leave(self, room: Room, viewer: Viewer) -> None:
-        """Somebody who had entered goes."""
+        """Remove a viewer."""
         self._count -= 1
         room.leave(viewer)
 
 
 def _frames(follower: Follower, watches: tuple[Watch, ...]) -> dict[Watch | None, tuple[Frame, str]]:
-    """One look, and for each watch its state, as text too; None: for those who watch no channels yet."""
+    """Read the campaign and return the state for each watch, also as text; None: for viewers without channels."""
     found = follower.look(watches)
     series = dict(zip(watches, found["series"], strict=True))
     frames: dict[Watch | None, tuple[Frame, str]] = {}

@@ -1,4 +1,4 @@
-"""One process that serves the live page until it is told to stop."""
+"""One process that serves the live page until it receives a signal."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ from benchctl.dashboard.web.site import Explain, Site
 from benchctl_instruments.errors import UsageError
 
 _SEND_BUFFER_BYTES = 256 << 10
-"""What the system keeps for a reader that does not read: enough for a quick one, little for many slow ones."""
+"""Size of the system's send buffer: enough for a fast reader, small for many slow ones."""
 _GOODBYE_S = 0.5
-"""How long the end of the server waits for who still takes an answer."""
+"""Time for clients to read their responses when the server ends."""
 _PING_EVERY_S, _PONG_WITHIN_S = 5.0, STALLED_S - 5.0
 
 
 def listening(host: str, port: int) -> socket.socket:
-    """A socket that listens there; port 0 takes any free one. Raises `UsageError` where that cannot be."""
+    """Return a listening socket; port 0 selects a free one. Raises `UsageError` if that is impossible."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         sock = socket.socket(family, kind, protocol)
@@ -63,13 +63,13 @@ def listening(host: str, port: int) -> socket.socket:
 
 
 def lower_priority() -> None:
-    """Let a run on the same machine come first, where the system knows priorities."""
+    """Give a run on the same machine priority, if the system supports it."""
     if hasattr(os, "nice"):
         os.nice(5)
 
 
 def serve_until(stop: StopRequest, app: ASGIApp, sock: socket.socket, ready: Callable[[], None]) -> None:
-    """Serve on a socket until a stop is asked for; `ready` is called as soon as requests are answered."""
+    """Serve on a socket until a stop is requested; `ready` is called when requests can be served."""
     logging.getLogger("uvicorn").addHandler(logging.StreamHandler())
     config = uvicorn.Config(
         app,
@@ -94,11 +94,11 @@ def serve_until(stop: StopRequest, app: ASGIApp, sock: socket.socket, ready: Cal
 
 
 class _Server(uvicorn.Server):
-    """A server that leaves the signals to whoever runs it."""
+    """A server that does not handle signals."""
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Nothing: `StopRequest` has them."""
+        """Do nothing: `StopRequest` handles signals."""
         yield
 
 
@@ -110,7 +110,7 @@ async def _serve(server: _Server, stop: StopRequest, sock: socket.socket, ready:
     ready()
     while not stop.reason and not serving.done():
         await asyncio.sleep(0.1)
-    logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)  # that it cuts off who still reads is no news
+    logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)  # cutting off readers is expected here
     server.should_exit = True
     await asyncio.wait({serving}, timeout=_GOODBYE_S)
     server.force_exit = True
@@ -130,12 +130,11 @@ def run_page(
 ) -> None:
     """Serve the campaigns below `root` until Ctrl-C or SIGTERM.
 
-    `ready` is told the address, the token and the one that only looks, once requests are answered; `warn` is told
-    beforehand what a person should know.
-    The process opens no files outside `root` from then on (`benchctl.confined`).
-    Raises `UsageError` where the port cannot be had.
+    `ready` is called with the address, the token and the read-only token when requests can be served; `warn` is called
+    earlier with security warnings. After the start the process opens no files outside `root` (`benchctl.confined`).
+    Raises `UsageError` if the port is not available.
     """
-    lower_priority()  # of this thread and of all that it begins
+    lower_priority()  # of this thread and all threads that it starts
     root, cache, tokens = root.resolve(), cache_folder(), Tokens(read_only=read_only)
     confine(root, cache, Path(benchctl.__file__).parent)
     with stop_on_signals() as stop, listening(host, port) as sock, SeriesReader(cache) as series:
@@ -163,12 +162,12 @@ def run_page(
 
 
 def _warm_up() -> None:
-    """Import, while nobody waits for it, what the first look at a run needs: it takes seconds."""
+    """Import modules for the first reading of a run in advance, because it takes seconds."""
     importlib.import_module("benchctl.campaign.provenance")
 
 
 def _url(host: str, port: int) -> str:
-    """The address by which a browser on this machine finds the page."""
+    """Return the address of the page for a browser on this machine."""
     try:
         address = ipaddress.ip_address(host)
     except ValueError:

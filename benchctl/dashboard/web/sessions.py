@@ -1,6 +1,6 @@
-"""Who has logged in: the server's two tokens, and the sessions of browsers that have shown one.
+"""The server's two tokens, and the sessions of browsers that have logged in with one.
 
-A browser shows its cookie in place of the token, and a second secret (CSRF) that other sites cannot read.
+A browser sends its cookie instead of the token, and a second secret (CSRF) that other sites cannot read.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ Role = Literal["operator", "viewer"]
 
 
 def new_secret() -> str:
-    """A text that nobody guesses: 256 bits, in letters that a URL and a header take."""
+    """Return an unguessable text: 256 bits, in characters that are valid in URLs and headers."""
     return secrets.token_urlsafe(32)
 
 
 @dataclass(frozen=True, slots=True)
 class Tokens:
-    """The secrets, made anew for every server and never written anywhere; with `read_only` neither may stop a run."""
+    """The secrets, new for every server and never stored; with `read_only` neither may stop a run."""
 
     read_only: bool = False
     token: str = field(default_factory=new_secret, repr=False)
     view_token: str = field(default_factory=new_secret, repr=False)
 
     def role_of(self, shown: str) -> Role | None:
-        """What somebody who shows this may do; None: nothing. Takes as long whatever is shown."""
+        """Return the role of a token; None for an unknown one. Runs in constant time."""
         given = shown.encode()
         is_token = hmac.compare_digest(given, self.token.encode())
         is_view_token = hmac.compare_digest(given, self.view_token.encode())
@@ -45,7 +45,7 @@ IDLE_S = 12 * 3600.0
 
 @dataclass(slots=True)
 class Session:
-    """One log-in. `csrf` goes with every request that changes something: other sites cannot read it."""
+    """One log-in. `csrf` is sent with every request for a change: other sites cannot read it."""
 
     role: Role
     csrf: str = field(default_factory=new_secret, repr=False)
@@ -53,14 +53,14 @@ class Session:
 
 
 class Sessions:
-    """The living sessions; one that was idle for twelve hours, or is the longest idle of too many, is over."""
+    """The active sessions; they end after twelve idle hours, or if they are idle longest when there are too many."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._sessions: dict[bytes, Session] = {}
 
     def begin(self, role: Role) -> tuple[str, Session]:
-        """A new session, and the secret by which it is found."""
+        """Return a new session, and the secret that identifies it."""
         if len(self._sessions) >= MOST_SESSIONS:
             del self._sessions[min(self._sessions, key=lambda key: self._sessions[key].seen_s)]
         secret, session = new_secret(), Session(role, seen_s=self._clock())
@@ -68,7 +68,7 @@ class Sessions:
         return secret, session
 
     def find(self, secret: str) -> Session | None:
-        """The session of that secret, if it lives."""
+        """Return the session of that secret, if it is active."""
         session = self._sessions.get(_key(secret))
         if session is None:
             return None
@@ -79,10 +79,10 @@ class Sessions:
         return session
 
     def end(self, secret: str) -> None:
-        """End a session; nothing where there is none."""
+        """End a session, if it exists."""
         self._sessions.pop(_key(secret), None)
 
 
 def _key(secret: str) -> bytes:
-    """What a session is kept by: how long a look-up takes must say nothing about the secret."""
+    """Return the key of a session: a hash, so that the time of a look-up reveals nothing about the secret."""
     return hashlib.sha256(secret.encode()).digest()

@@ -1,4 +1,4 @@
-"""What one server has: its secrets, its campaigns, its threads."""
+"""The data of one server: its secrets, its campaigns, its threads."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from benchctl.dashboard.web.rooms import Rooms
 from benchctl.dashboard.web.sessions import Sessions, Tokens
 
 Explain = Callable[[str], dict[str, Any]]
-"""Words for a term; `UsageError` where nothing is known of it."""
+"""A function that explains a term; raises `UsageError` for an unknown one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Site:
     """The campaigns below `root`, for those who know the `tokens`; `cookie` is the name of a session's cookie.
 
-    Quick reads have threads of their own, so that no long one keeps them waiting.
+    Quick reads have separate threads, so that they do not wait for long ones.
     """
 
     root: Path
@@ -40,7 +40,7 @@ class Site:
     heavy: Readers = field(default_factory=lambda: Readers("heavy", threads=2, waiting=32))
 
     def path_of(self, key: str) -> Path:
-        """Where a campaign is; `RefusalError` 404 where there is none of that id. Reads the disk."""
+        """Return a campaign's path; `RefusalError` 404 for an unknown id. Reads the disk."""
         path = self.catalogue.find(key)
         if path is None:
             raise RefusalError(404, f"there is no campaign {key}; ask for /api/campaigns again")
@@ -48,7 +48,7 @@ class Site:
 
 
 async def site_of(connection: HTTPConnection) -> Site:
-    """The site that a request was sent to."""
+    """Return the site that a request was sent to."""
     site: Site = connection.app.state.site
     return site
 

@@ -1,1 +1,1 @@
-"""A chamber as a problem for the engine."""
+"""A chamber as a diagnosis problem."""

@@ -1,4 +1,4 @@
-"""What the parameters of a chamber's model can be, by physics and by what a recording of its length can show."""
+"""Bounds of a chamber model's parameters: what physics allows and what a recording of this length can show."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 Bounds = Mapping[str, tuple[float, float]]
 
 LENGTHS = 5.0
-"""Time constants beyond so many lengths of the recording are not told from an air that loses no heat."""
+"""Longest time constant in recording lengths; a longer one is not distinguishable from air that loses no heat."""
 _ROOM_C = (5.0, 40.0)
-"""Where laboratory equipment is rated to work (IEC 61010-1, 1.4.1)."""
+"""Rated temperature range of laboratory equipment (IEC 61010-1, 1.4.1)."""
 _HEAT = 2.0
-"""The gain may be by so much larger than heats the air by its span at the longest time constant."""
+"""Maximum gain, as a multiple of the gain that heats the air by its span at the longest time constant."""
 _FASTEST_DRIFT = 60.0
-"""K/h; what changes faster stores heat, and does not drift."""
+"""Fastest drift, K/h; faster changes are heat storage, not drift."""
 _MOST_LOSS = 19.0
-"""A door that closes or a fan that stops leaves no less than a twentieth of the loss."""
+"""Largest relative change of the loss: a closing door or stopping fan leaves at least a twentieth of the loss."""
 _EDGE = 1.0 / 40.0
-"""Share of a run; a loss that changes nearer to its ends is not told from the air's start, or hardly shows."""
+"""Share of a run next to its ends in which a change of the loss is confused with the air's start or hardly visible."""
 _OFFSET_SHARE, _LEAST_OFFSET_K = 0.5, 10.0
 _START_K, _START_STEPS = 2.0, 10.0
 
 
 def baseline_bounds(rows: ChamberRows) -> dict[str, tuple[float, float]]:
-    """Bounds of every parameter that the baseline of such a recording may have, by its name.
+    """Return bounds of every parameter that the baseline of such a recording can have, by name.
 
-    Heaters heat; a current may cool.
+    The gain of a heater is positive; a current may also cool.
     """
     span, lasts_s = float(np.ptp(rows.temperature_c[rows.usable])), lasting_s(rows)
     mean_drive = float(np.mean(np.abs(rows.drive))) or 1.0
@@ -49,17 +49,17 @@ def baseline_bounds(rows: ChamberRows) -> dict[str, tuple[float, float]]:
 
 
 def lasting_s(rows: ChamberRows) -> float:
-    """The longest run [s]."""
+    """Return the duration of the longest run [s]."""
     return float(rows.run_s.max()) + rows.interval_s
 
 
 def first_air_c(rows: ChamberRows) -> float:
-    """The air at the start: the median of the first readings [°C]."""
+    """Return the air temperature at the start, the median of the first readings [°C]."""
     return float(np.median(rows.air_c[:5]))
 
 
 def bounded_kinds(rows: ChamberRows, kinds: Mapping[str, type[ChamberEffect]]) -> dict[str, type[DescribedEffect]]:
-    """The effects with bounds, and places to begin, that a recording of this length can show."""
+    """Return the effects with bounds and starting values that suit a recording of this length."""
     lasts_s = lasting_s(rows)
     limits: Mapping[tuple[str, str], tuple[float, float]] = {
         ("dead_time", "delay_s"): (0.0, lasts_s / 4.0),
@@ -78,9 +78,9 @@ def bounded_kinds(rows: ChamberRows, kinds: Mapping[str, type[ChamberEffect]]) -
 
 
 def fair_sizes(rows: ChamberRows) -> Mapping[str, tuple[Mapping[str, float], ...]]:
-    """Parameters of effects of a fair size, by identifier: a fit begins there, too.
+    """Return parameters of effects of moderate size, by identifier, as further starts of a fit.
 
-    What a small effect does to a model that misses much says little of what one of its true size would do.
+    If a model misses much, the influence of a small effect does not show what an effect of the true size would do.
     """
     lasts_s = lasting_s(rows)
     fair_drift = min(0.1 * float(np.ptp(rows.temperature_c[rows.usable])) * 3600.0 / lasts_s, 0.5 * _FASTEST_DRIFT)

@@ -1,4 +1,4 @@
-"""A chamber as a problem for the engine: the air that its power, or its set point, brings about, by one lag."""
+"""A chamber as a diagnosis problem: the air temperature caused by power or set point, through a first-order lag."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.structures import Structure, pushed
 
 _STAGES = ("loss", "source", "transport")
-"""Effects in this order: what held the air before a run is known by its losses, and is what a transport begins with."""
+"""Order of the effects: the state before a run depends on its losses, and a transport starts from that state."""
 _NOISE, _START = "noise_k_rms", "start_c"
 _FEW_SIZES = 3
 _BEYOND_K = 10.0
-"""A simulated air strays so far beyond the measured one."""
+"""Margin in kelvin by which the simulated air may leave the measured range."""
 _STARTS_S, _STARTS_GAIN = (0.02, 0.1, 0.5, 2.0), (1.0, -1.0)
-"""Shares of the recording's length, and signs of the gain, from which the baseline is sought."""
+"""Shares of the recording's length, and signs of the gain, used as starts of the baseline fit."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChamberProblem(MadeOfRows):
-    """A `benchctl.estimation.problem.Problem`: the air, simulated freely from what was measured of its drive.
+    """A `benchctl.estimation.problem.Problem`: the air, simulated from the measured drive without feedback.
 
-    Baseline of a power: `gain` [K per its unit], `tau_s`, and `ambient_c` where the room was not measured; of a set
-    point: `tau_s` and `offset_c`, by which the air settles above it. Where there is one run, `start_c` is the air at
-    its start; of several each begins at its first readings. Before a run the chamber had come to rest. `believed` says
-    whether the start is a lab's model, or was estimated from the recording itself.
+    Baseline for a power: `gain` [K per unit of power], `tau_s`, and `ambient_c` if the room was not measured; for a set
+    point: `tau_s` and `offset_c`, by which the settled air exceeds the set point. With a single run, `start_c` is the
+    air at its start; with several runs each starts at its first readings. Before a run the chamber was in equilibrium.
+    `believed` is true if the start values are a lab's model, false if they were estimated from the recording itself.
     """
 
     rows: ChamberRows
@@ -66,27 +66,27 @@ class ChamberProblem(MadeOfRows):
 
     @property
     def measured(self) -> FloatArray:
-        """The air [°C], shape (m,)."""
+        """The air temperature [°C], shape (m,)."""
         return self.rows.temperature_c
 
     @property
     def baseline_bounds(self) -> Mapping[str, tuple[float, float]]:
-        """What parameters of the baseline can be."""
+        """Bounds of the baseline's parameters."""
         return self.bounds
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Readings that are none."""
+        """Faults of the readings."""
         return self.rows.faults
 
     @property
     def interval_s(self) -> float:
-        """Between two rows [s]."""
+        """Interval between two rows [s]."""
         return self.rows.block * self.rows.interval_s
 
     @property
     def circumstances(self) -> Mapping[str, float]:
-        """The longest run and the largest drive."""
+        """Duration of the longest run, and the largest drive."""
         return {
             "duration_s": float(self.rows.run_s.max()),
             "largest_drive": max(float(np.abs(self.rows.drive).max()), 1e-12),
@@ -94,7 +94,7 @@ class ChamberProblem(MadeOfRows):
 
     @cached_property
     def coordinates(self) -> Mapping[str, FloatArray]:
-        """Of the air that of the first model: sorted by the measured air, noise would look like a structure."""
+        """Coordinates with the first model's air: sorted by the measured air, noise would look like a structure."""
         rows, air_c = self.rows, self.predict(self.baseline_start, ())
         return {
             "time": rows.time_s,
@@ -107,48 +107,49 @@ class ChamberProblem(MadeOfRows):
         }
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """The simulated air in the rows [°C], shape (m,)."""
+        """Return the simulated air in the rows [°C], shape (m,)."""
         return self.rows.means(self.air_c(baseline, effects))
 
     def air_c(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """The simulated air [°C] at the samples, shape (n,): run freely from the start of each run."""
+        """Return the simulated air [°C] at the samples, shape (n,), from the start of each run without feedback."""
         rows = self.rows
-        told = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
+        numbers = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
         structures = [one for one in effects if isinstance(one, Structure)]
         named = [one for one in effects if not isinstance(one, Structure)]
         ordered: list[ChamberEffect] = sorted(named, key=lambda one: _STAGES.index(one.stage))
-        gain = told[self.baseline_names[0]] if rows.kind == "power" else 1.0
+        gain = numbers[self.baseline_names[0]] if rows.kind == "power" else 1.0
         air = np.empty_like(rows.air_c)
         for run in rows.runs:
-            start_c = told[_START] if _START in told else float(np.median(rows.air_c[run][:5]))
-            signals = self._signals(run, told)
+            start_c = numbers[_START] if _START in numbers else float(np.median(rows.air_c[run][:5]))
+            signals = self._signals(run, numbers)
             if structures:
                 signals = pushed(signals, structures, rows.clock_s[run], gain, self._reach_c)
             for effect in ordered:
                 if effect.stage == "transport" and signals.before is None:
-                    signals = replace(signals, before=self._before(signals, start_c, gain, told["tau_s"]))
+                    signals = replace(signals, before=self._before(signals, start_c, gain, numbers["tau_s"]))
                 signals = effect.apply(signals)
-            air[run] = air_c(signals, start_c, gain, told["tau_s"])
+            air[run] = air_c(signals, start_c, gain, numbers["tau_s"])
         return air
 
     @cached_property
     def _reach_c(self) -> tuple[float, float]:
-        """Where heat may be another function of the air [°C]: what was measured, and a little beyond."""
+        """Air temperatures [°C] over which heat may vary: the measured range with a margin."""
         measured_c = self.rows.temperature_c
         return float(measured_c.min()) - _BEYOND_K, float(measured_c.max()) + _BEYOND_K
 
     def responses(
         self, baseline: FloatArray, effects: Sequence[Any], pushes_c: FloatArray, *, heated: bool
     ) -> FloatArray:
-        """What pushes of the temperature to which the air settles (k, n) bring about in the rows [K], shape (k, m).
+        """Return the response of the rows [K], shape (k, m), to pushes of the equilibrium temperature, shape (k, n).
 
-        Those of the heater (`heated`) come on its way. Radiation is left out: it makes the air follow a little sooner.
+        Pushes of the heater (`heated`) pass through its transport effects. Radiation, which only makes the air follow
+        slightly sooner, is omitted.
         """
         rows = self.rows
-        told = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
+        numbers = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
         air = np.empty_like(pushes_c)
         for run in rows.runs:
-            signals = self._with_losses(run, told, effects)
+            signals = self._with_losses(run, numbers, effects)
             nothing = np.zeros(run.stop - run.start)
             still = replace(signals, room_c=nothing, radiation=0.0, second_c=nothing)
             for one, column in zip(pushes_c[:, run], air[:, run], strict=True):
@@ -156,16 +157,16 @@ class ChamberProblem(MadeOfRows):
                 for effect in effects if heated else ():
                     if effect.stage == "transport":
                         signals = effect.apply(signals)
-                column[:] = air_c(signals, 0.0, 1.0, told["tau_s"])
+                column[:] = air_c(signals, 0.0, 1.0, numbers["tau_s"])
         return np.stack([rows.means(one) for one in air])
 
     @property
     def has_second(self) -> bool:
-        """Whether a second temperature was measured throughout."""
+        """Whether a second temperature was measured in all samples."""
         return bool(np.isfinite(self.rows.second_c).all())
 
     def matters(self, name: str, change: float) -> float:
-        """A change of the lab's parameter, as a share of itself or of the span of the air; none without a model."""
+        """Return a parameter's change as a share of itself or of the air's span; 0 without a lab's model."""
         if not self.believed or name == _START:
             return 0.0
         if name in ("ambient_c", "offset_c"):
@@ -173,14 +174,14 @@ class ChamberProblem(MadeOfRows):
         return abs(change) / abs(float(self.baseline_start[self.baseline_names.index(name)]))
 
     def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
-        """The content of a model file, its table `[parts.chamber]`; `noise` [K] is that of a row."""
+        """Return the table `[parts.chamber]` of a model file; `noise` [K] is that of a row."""
         numbers = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
-        numbers.pop(_START, None)  # that of this run alone
+        numbers.pop(_START, None)  # valid for this run only
         found = tables_of(effects)
         return {"parts": {"chamber": {**numbers, _NOISE: noise, EFFECTS: found}}}
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
-        """What this part has to say of residuals [K] before and after, shape (m,)."""
+        """Return remarks on the residuals [K] before and after, shape (m,)."""
         used, held = self.usable, self.usable & heldout
         return (
             "Compared is the air, the simulation running freely from its start: it misses by"
@@ -191,16 +192,16 @@ class ChamberProblem(MadeOfRows):
     def starts(
         self, baseline: FloatArray, effects: Sequence[DescribedEffect]
     ) -> Iterator[tuple[FloatArray, DescribedEffect]]:
-        """Each effect more that a model has not, of a fair size, with a baseline to begin with, shape (p,).
+        """Yield each effect that the model lacks, of moderate size, with a baseline (p,) to start a fit.
 
-        A room that stands at a bound, for what the effect does, begins anew. Of an effect of many sizes those are
-        given that miss least. Where the loss is another one before some moment, gain
-        and time constant go with it, so that until then all stays as it was.
+        An ambient temperature at a bound, where an absent effect may have driven it, restarts at mid-range. For an
+        effect with many sizes, the sizes with the smallest misfit are used. If the loss before some moment differs,
+        gain and time constant are scaled so that the air before it does not change.
         """
         present = {effect.identifier for effect in effects}
         if "ambient_c" in self.baseline_names:
             place = self.baseline_names.index("ambient_c")
-            if baseline[place] in self.bounds["ambient_c"]:  # a fit puts it there exactly
+            if baseline[place] in self.bounds["ambient_c"]:  # a fit sets it exactly to the bound
                 baseline = baseline.copy()
                 baseline[place] = sum(self.bounds["ambient_c"]) / 2.0
         for name, sizes in fair_sizes(self.rows).items():
@@ -214,7 +215,7 @@ class ChamberProblem(MadeOfRows):
             yield from tried
 
     def _scaled(self, baseline: FloatArray, effect: DescribedEffect) -> FloatArray:
-        """The baseline that goes with another loss before some moment; of any other effect as it is."""
+        """Return the baseline scaled for a different loss before some moment; unchanged for any other effect."""
         scaled = baseline.copy()
         for index, name in enumerate(self.baseline_names):
             if "fraction" in effect.parameters and (name == "tau_s" or name.startswith("gain")):
@@ -223,22 +224,22 @@ class ChamberProblem(MadeOfRows):
         return scaled
 
     def _missed(self, baseline: FloatArray, effects: Sequence[DescribedEffect]) -> float:
-        """The sum of squares [K²] by which a model misses the air."""
+        """Return the sum of squares [K²] of a model's misfit of the air."""
         missed = (self.predict(baseline, effects) - self.measured)[self.usable]
         return float(missed @ missed)
 
     def forgetting(self, baseline: FloatArray, effects: Sequence[Any]) -> Sequence[tuple[float, float]]:
-        """The rates [1/s] with which the air of a model forgets what has pushed it, and their powers."""
-        told = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
-        return forgetting(self._with_losses(self.rows.runs[0], told, effects), told["tau_s"])
+        """Return the rates [1/s] at which the air of a model forgets pushes, and their powers."""
+        numbers = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
+        return forgetting(self._with_losses(self.rows.runs[0], numbers, effects), numbers["tau_s"])
 
     @property
     def rounding(self) -> float:
-        """Deviation [K] of what the thermometer's steps round off."""
+        """Standard deviation [K] of the thermometer's rounding."""
         return self.rows.step_c / math.sqrt(12.0 * self.rows.block)
 
     def _with_losses(self, run: slice, told: Mapping[str, float], effects: Sequence[Any]) -> ChamberSignals:
-        """The signals of a run with what effects change of its losses."""
+        """Return the signals of a run with the changes of its losses by effects."""
         signals = self._signals(run, told)
         for effect in effects:
             if effect.stage == "loss":
@@ -264,7 +265,7 @@ class ChamberProblem(MadeOfRows):
         )
 
     def _before(self, signals: ChamberSignals, start_c: float, gain: float, tau_s: float) -> float:
-        """The drive that held the air at its first temperature, as far as the heater can: before, it was at rest."""
+        """Return the drive that kept the air at its first temperature, in equilibrium, within the heater's range."""
         loss = float(signals.loss[0]) * (start_c - float(signals.room_c[0]))
         if signals.second_c is not None:
             loss += signals.exchange * tau_s * (start_c - float(signals.second_c[0]))
@@ -277,36 +278,36 @@ class ChamberProblem(MadeOfRows):
 def chamber_problem(
     recording: Recording, *, model: Mapping[str, Any] | None = None, without: Collection[str] = ()
 ) -> ChamberProblem:
-    """The problem of a chamber's recording and of the model that its lab believes in.
+    """Return the problem of a chamber's recording with the lab's model.
 
     `model` is a table `[parts.chamber]` of a model file, with the baseline's parameters (`gain_c_per_percent`,
-    `gain_c_per_w` or `gain_c_per_a`, `tau_s`, `ambient_c`; of a set point `tau_s`, `offset_c`). Without one, a fit of
-    the baseline to the temperatures is the start.
+    `gain_c_per_w` or `gain_c_per_a`, `tau_s`, `ambient_c`; for a set point `tau_s`, `offset_c`). Without it, the start
+    is a fit of the baseline to the temperatures.
 
-    Raises `UsageError` where the recording has no air with what drives it, or the model a field that is not known.
+    Raises `UsageError` if the recording lacks the air or its drive, or if the model has an unknown field.
     """
     rows = chamber_rows_of(recording)
     names, units = _parameters(rows)
     needed = tuple(name for name in names if name != _START)
-    told = numbers_of(model, "chamber", needed, (_NOISE,))
+    stated = numbers_of(model, "chamber", needed, (_NOISE,))
     has_second = bool(np.isfinite(rows.second_c).all())
     known = {
         name: kind
         for name, kind in chamber_effects().items()
         if rows.kind in kind.drives and name not in without and (has_second or not kind.needs_second)
     }
-    believed = needed[0] in told
+    believed = needed[0] in stated
     bounds = baseline_bounds(rows)
     within = {name: bounds["gain" if name.startswith("gain") else name] for name in names}
     for name in needed:
-        if name in told:  # what a lab believes in is possible
-            within[name] = min(within[name][0], told[name]), max(within[name][1], told[name])
-    told.setdefault(_START, first_air_c(rows))
+        if name in stated:  # the lab's value must be within the bounds
+            within[name] = min(within[name][0], stated[name]), max(within[name][1], stated[name])
+    stated.setdefault(_START, first_air_c(rows))
     problem = ChamberProblem(
         rows=rows,
         baseline_names=names,
         baseline_units=units,
-        baseline_start=np.array([told.get(name, 0.0) for name in names]),
+        baseline_start=np.array([stated.get(name, 0.0) for name in names]),
         bounds=within,
         believed=believed,
         effects=bounded_kinds(rows, known),
@@ -332,7 +333,7 @@ def _parameters(rows: ChamberRows) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def _estimated(problem: ChamberProblem) -> FloatArray:
-    """The baseline (p,) that fits the temperatures best, within its bounds, from several starts."""
+    """Return the baseline (p,) that fits the temperatures best within its bounds, from several starts."""
     rows, names, used = problem.rows, problem.baseline_names, problem.usable
     low, high = np.array([problem.baseline_bounds[name] for name in names]).T
     first_c, largest = first_air_c(rows), float(np.abs(rows.drive).max()) or 1.0

@@ -1,7 +1,7 @@
-"""A recording of a chamber laid out for a diagnosis: what drives the air, and the temperature that it reached.
+"""A chamber's recording as rows for a diagnosis: the drive and the resulting air temperature.
 
-Rows are readings of the thermometer, or means over a few where there are very many. A simulation runs freely from the
-first of them: what it misses is what a user of the model would see.
+Rows are thermometer readings, or means over a few if there are very many. A simulation runs from the first row without
+feedback, so that its errors are those a user of the model would have.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from benchctl_instruments.physics.chamber_effects.effect import Drive
 _AIR, _SETPOINT, _ROOM = "chamber_temp_c", "chamber_setpoint_c", "ambient_temp_c"
 _SECOND, _OPEN = "second_temp_c", "chamber_temp_open"
 DRIVES = {"heater_percent": "percent", "heater_w": "W", "current_a": "A"}
-"""Channels of power, in the order in which they are looked for, and their units."""
+"""Channels of power, in order of preference, with their units."""
 
 _MOST_SAMPLES = 6000
 _FEWEST_ROWS, _MOST_ROWS = 60, 2000
 _NEAR = 0.75
-"""Intervals within which a reading must lie of the instant that it stands for."""
+"""Maximum distance of a reading from the instant that it represents, in intervals."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +36,9 @@ class ChamberRows:
     """Samples of shape (n,), equidistant within `runs`; rows of shape (m,), within `stretches`.
 
     A row is the mean over a block of `block` samples. `room_c` and `second_c`, the temperature of a second body, are
-    NaN where they were not measured. `clock_s` is the time of the samples since the recording began that they belong
-    to, `time_s` that of the rows; `usable` says which of them were read, and not spoilt. `step_c` is that of the
-    thermometer, 0 where none shows. `faults` are those of the data, their rows (m,).
+    NaN where they were not measured. `clock_s` is the time of the samples since the start of the recording that they
+    belong to, `time_s` the time of the rows; `usable` marks rows that were read and are not spoilt. `step_c` is the
+    thermometer's step, 0 if none is visible. `faults` are the faults of the data, with rows (m,).
     """
 
     infos_of_rows: Pieces
@@ -61,14 +61,14 @@ class ChamberRows:
     faults: tuple[Fault, ...]
 
     def means(self, samples: FloatArray) -> FloatArray:
-        """Values of the samples (n,) as means over a row's block, (m,)."""
+        """Return the means of samples (n,) over each row's block, (m,)."""
         return samples if self.block == 1 else block_mean(samples, self.block)
 
 
 def chamber_rows_of(recording: Recording) -> ChamberRows:
     """Read a recording of a chamber: `chamber_temp_c` with a power (`DRIVES`) or with `chamber_setpoint_c`.
 
-    Raises `UsageError` where the air or what drives it is missing, does not change, or the recording is too short.
+    Raises `UsageError` if the air or its drive is missing or constant, or if the recording is too short.
     """
     series, channel = _series(recording)
     step_c = _step_of(series.columns[_AIR])
@@ -141,7 +141,7 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
 
 
 def _series(recording: Recording) -> tuple[Series, str]:
-    """The samples with the first power, or else the set point, that lies on one time axis with the air."""
+    """Return the samples with the first power, or else the set point, that has the same time axis as the air."""
     for polled, channel in [(False, name) for name in (*DRIVES, _SETPOINT)] + [(True, _SETPOINT)]:
         prefix = "poll_" if polled else ""
         for info in recording.infos:
@@ -154,9 +154,9 @@ def _series(recording: Recording) -> tuple[Series, str]:
 
 
 def _spoilt_in(series: Series, channel: str, step_c: float) -> tuple[list[tuple[Fault | None, BoolArray]], BoolArray]:
-    """Faults of the thermometer with their rows (n,), and all rows (n,) that are spoilt or missing.
+    """Return the thermometer's faults with their rows (n,), and all rows (n,) that are spoilt or missing.
 
-    Each is looked for in what the ones before have left.
+    Each kind is searched in the rows that the previous ones have left.
     """
     read_c = series.columns[_AIR]
     opened = open_in(series.columns[_OPEN])
@@ -173,7 +173,7 @@ def _spoilt_in(series: Series, channel: str, step_c: float) -> tuple[list[tuple[
 class _Grid:
     """A run at equal intervals, each of shape (n,): `columns` are air, drive, room and second temperature.
 
-    `bad` is above 0 where a reading is spoilt or missing, `nearest` the place of the reading that stands for an
+    `bad` is above 0 where a reading is spoilt or missing; `nearest` is the index of the reading that represents an
     instant.
     """
 
@@ -185,7 +185,7 @@ class _Grid:
 
 
 def _grid(series: Series, run: slice, channel: str, factor: int, spoilt: BoolArray) -> _Grid | None:
-    """A run at equal intervals, means over `factor` samples; None where none of its readings can be used."""
+    """Return a run at equal intervals, as means over `factor` samples; None if none of its readings is usable."""
     time_s, bad = series.time_s[run], spoilt[run]
     if bad.all():
         return None
@@ -206,7 +206,7 @@ def _grid(series: Series, run: slice, channel: str, factor: int, spoilt: BoolArr
 
 
 def _step_of(read_c: FloatArray) -> float:
-    """The smallest step [K] between two readings; 0 where they never step."""
+    """Return the smallest step [K] between two readings; 0 if they are constant."""
     moved = np.abs(np.diff(read_c[np.isfinite(read_c)]))
     moved = moved[moved > 1e-9]
     return float(moved.min()) if moved.size else 0.0

@@ -1,4 +1,4 @@
-"""Readings of a chamber's thermometer that are none: flagged as open, beyond a counter's range, or spikes."""
+"""Invalid readings of a chamber's thermometer: flagged as open, wrapped like a counter, or spikes."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from benchctl.recordings.runs import holding
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _AROUND = 4
-"""Readings on either side that a reading is held against: a spike is shorter than so many."""
+"""Number of readings on either side that a reading is compared with: spikes are shorter."""
 _USUAL, _NORMAL_USUAL = 0.9, 1.64485
-"""Share of the readings that are taken to be no spikes, and the deviations within which so many are by chance.
+"""Share of the readings assumed free of spikes, and the number of normal deviations that contains this share.
 
-Of a thermometer with coarse steps most readings are just what those around them are, and their median says nothing.
+For a thermometer with coarse steps most readings equal their neighbours, so the median of the deviations is zero.
 """
 _BEYOND = 12.0
-"""A spike is off by more than so many usual deviations, steps of the thermometer, and moves from reading to reading."""
+"""Size of a spike: so many usual deviations, steps of the thermometer, and changes from reading to reading."""
 
 
 def open_in(flags: FloatArray) -> tuple[Fault | None, BoolArray]:
-    """Readings (n,) taken while the thermometer's flag said that it was open: the fault, and its rows."""
+    """Return the fault and the rows of readings (n,) with the thermometer's flag for an open circuit."""
     rows = np.nan_to_num(flags) > 0.5
     if not rows.any():
         return None, rows
@@ -47,9 +47,9 @@ def open_in(flags: FloatArray) -> tuple[Fault | None, BoolArray]:
 
 
 def wrapped_in(read_c: FloatArray, known: BoolArray, step_c: float) -> tuple[Fault | None, BoolArray]:
-    """Readings [°C], (n,), that have left the range of a counter in which the first one is: the fault, and its rows.
+    """Return the fault and the rows of readings [°C], (n,), that have left the counter range of the first reading.
 
-    Those that are `known` to be spoilt are left out.
+    Readings `known` to be spoilt are ignored.
     """
     rows = np.zeros(read_c.size, np.bool_)
     wraps = wraps_in(read_c[~known], (slice(0, int((~known).sum())),), step_c)
@@ -75,10 +75,10 @@ def wrapped_in(read_c: FloatArray, known: BoolArray, step_c: float) -> tuple[Fau
 def spikes_in(
     read_c: FloatArray, known: BoolArray, step_c: float, runs: tuple[slice, ...]
 ) -> tuple[Fault | None, BoolArray]:
-    """Readings [°C], (n,), that stand off from those around them on both sides: the fault, and its rows.
+    """Return the fault and the rows of readings [°C], (n,), that differ from their neighbours on both sides.
 
-    Held against the median of the nearest readings, those that are `known` to be spoilt left out. Air does not leap
-    there and back within a few readings; how far it strays from that median by itself is seen in most of them.
+    A reading is compared with the median of its neighbours, without those `known` to be spoilt. The air cannot jump up
+    and down within a few readings; its usual deviation from that median is estimated from most of the readings.
     """
     away, moves = np.zeros(read_c.size), np.zeros(read_c.size)
     for run in runs:
@@ -87,7 +87,7 @@ def spikes_in(
             padded = np.pad(read_c[rows], _AROUND, mode="reflect")
             around = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
             away[rows] = read_c[rows] - np.median(around, axis=1)
-            # where the air itself turns quickly, all of its neighbours move as much
+            # where the air itself changes quickly, all neighbours change as much
             moves[rows] = np.median(np.abs(np.diff(around, axis=1)), axis=1)
     usual = float(np.quantile(np.abs(away[~known]), _USUAL)) / _NORMAL_USUAL if (~known).any() else 0.0
     rows = np.abs(away) > _BEYOND * np.maximum(moves, max(usual, step_c))

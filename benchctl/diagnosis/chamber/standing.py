@@ -1,8 +1,8 @@
-"""A thermometer's converter at its rail: the reading stands at one value while the air goes on.
+"""A thermometer's converter at its rail: the reading is constant while the air temperature continues to change.
 
-Air stands still too, but it settles: what heats it has its own time constant, and so it slows down before it stands.
-Where it comes to a limit at full speed and stands there at once, or leaves it so, while its drive hardly changes, it is
-the reading that has stopped.
+The air also becomes constant, but it settles: the time constant of its heating makes it slow down first. If the reading
+reaches a limit at full speed and stops at once, or leaves it at full speed, while the drive hardly changes, it is the
+reading that has stopped.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from benchctl.signals.normal import white_noise_of
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _ISOLATED = 5
-"""Readings of a running median by which a reading stands, whatever its noise."""
+"""Window of a running median, in readings, for testing whether a reading is at a limit in spite of noise."""
 
 _WAY_STEPS, _WAY_DEVIATIONS = 10.0, 20.0
-"""Steps of the thermometer, and deviations of its noise, in each of the two ways whose times are compared."""
+"""Length of the two intervals compared before a limit, in steps of the thermometer and deviations of its noise."""
 
 _SLOWER = 2.0
-"""The last way takes no more than so many times the one before; of what settles it takes 3.5 times as long, or more."""
+"""Maximum time ratio of the last interval to the one before; for settling air the ratio is 3.5 or more."""
 
 _HARDLY = 0.05
-"""Share of its span by which the drive may change meanwhile."""
+"""Maximum change of the drive during the approach, as a share of its span."""
 
 
 def rail_in(
     read_c: FloatArray, known: BoolArray, drive: FloatArray, step_c: float, runs: tuple[slice, ...], *, asked: bool
 ) -> tuple[Fault | None, BoolArray]:
-    """Readings [°C], (n,), at a rail of the thermometer's converter: the fault, and its rows.
+    """Return the fault and the rows of readings [°C], (n,), at a rail of the thermometer's converter.
 
-    Those that are `known` to be spoilt are left out. `drive` is a power, or the temperature [°C] that is `asked` for: a
-    chamber that stands where it was asked to is at no rail.
+    Readings `known` to be spoilt are ignored. `drive` is a power or, if `asked`, the requested temperature [°C]: a
+    chamber at its requested temperature is at no rail.
     """
     limits = [
         limit
@@ -67,7 +67,7 @@ def rail_in(
 
 
 def _ends(readings: FloatArray) -> Iterator[tuple[float, float]]:
-    """Where readings (n,) stand at an end of their range, and which way it lies."""
+    """Yield each end of the range at which readings (n,) accumulate, with its direction."""
     for limit in limits_of(readings):
         yield limit, 1.0 if limit == readings.max() else -1.0
 
@@ -83,8 +83,8 @@ def _stops_at(
     *,
     asked: bool,
 ) -> bool:
-    """Whether the reading stops at a limit, wherever its coming or going can be judged, and that it can somewhere."""
-    seen: list[bool] = []
+    """Return whether the reading stops at a limit in every approach or departure that can be judged (at least one)."""
+    stops: list[bool] = []
     hardly = _HARDLY * float(np.ptp(drive))
     for run in runs:
         rows = run.start + np.flatnonzero(~known[run])
@@ -98,14 +98,15 @@ def _stops_at(
                 meanwhile = driven[order][first:last]
                 on = not asked or float((way * (meanwhile - limit)).min()) > distance
                 if on and float(np.ptp(meanwhile)) <= hardly:
-                    seen.append(stopped)
-    return bool(seen) and all(seen)
+                    stops.append(stopped)
+    return bool(stops) and all(stops)
 
 
 def _comings(far: FloatArray, distance: float) -> Iterator[tuple[int, int, bool]]:
-    """Each coming to a limit that is `far` (n,): where it begins and ends, and whether the reading stopped at once.
+    """Yield each approach to a limit that is `far` (n,) away: its first row, its end, and whether it stopped abruptly.
 
-    It is judged over the last `distance` and the one before it, and until it has stood as long as the last one took.
+    The time for the last `distance` is compared with that for the one before; the end is after the reading has been at
+    the limit for as long as the last interval took.
     """
     for run in holding(far <= 0.0):
         begin, end = run.start, run.stop

@@ -1,1 +1,1 @@
-"""Where a recording and its predictions part, step by step."""
+"""Differences between a recording and its predictions, step by step."""

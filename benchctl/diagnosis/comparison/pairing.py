@@ -1,8 +1,8 @@
-"""What is compared: a recording with predictions for it, or with another recording of the same procedure.
+"""Pairs for a comparison: a recording with its predictions, or with another recording of the same procedure.
 
-Two recordings of one procedure never move alike to the sample: a sine begins at another phase, a rate is reached a
-little earlier. Steps are paired by name and order, laid over each other by the encoder's rate, and what the motions
-still differ by is taken off by the scale factor. What remains is the difference of the gyros.
+Two recordings of one procedure never move exactly alike: a sine starts with another phase, a rate is reached slightly
+earlier. Steps are paired by name and order and aligned by the encoder's rate; the remaining difference of the motions
+is corrected with the scale factor. What remains is the difference of the gyros.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from benchctl_instruments.errors import UsageError
 
 _LEAST_OVERLAP = 0.5
 _AS_GOOD = 0.01
-"""Share of the motion's mean square by which a place may be worse than the best and still be taken as good."""
+"""Share of the motion's mean square by which an alignment may be worse than the best and still be accepted."""
 
 _MOVING_DPS = 0.5
-"""Spread of the rate below which a step has no shape that could be laid over another."""
+"""Spread of the rate below which a step has no shape for an alignment."""
 
 
 def with_predictions(frame: Frame, predictions: Mapping[str, FloatArray]) -> list[ComparedStep]:
-    """The steps of a recording with the outputs that models predict, name -> array of shape (n,) as the frame's."""
+    """Return the steps of a recording with the outputs predicted by models: name -> array (n,) on the frame's rows."""
     return [
         ComparedStep(
             name=frame.infos[index].name,
@@ -44,9 +44,9 @@ def with_predictions(frame: Frame, predictions: Mapping[str, FloatArray]) -> lis
 
 
 def with_recording(measured: Frame, simulated: Frame, name: str) -> tuple[list[ComparedStep], list[str]]:
-    """The steps that two recordings share, and in words those that only one of them has.
+    """Return the steps that two recordings share, and sentences about those that only one of them has.
 
-    Raises `UsageError` where they share none.
+    Raises `UsageError` if they share none.
     """
     theirs = _by_label(simulated)
     scale = _scale(simulated)
@@ -95,13 +95,13 @@ def _by_label(frame: Frame) -> dict[tuple[str, str], list[slice]]:
 
 
 def _scale(frame: Frame) -> float:
-    """Volts per °/s, as good as a motion that is nearly the same needs it."""
+    """Return volts per °/s, accurate enough to correct small differences of motion."""
     rate = frame.rate_dps - frame.rate_dps.mean()
     return float(rate @ frame.volts / (rate @ rate)) if np.ptp(frame.rate_dps) > _MOVING_DPS else 0.0
 
 
 def _overlay(measured: Frame, rows: slice, simulated: Frame, partner: slice) -> tuple[slice, npt.NDArray[np.int64]]:
-    """Those rows of a step that its partner reaches, and the partner's rows that lie on them."""
+    """Return the rows of a step that its partner overlaps, and the partner's matching rows."""
     ours, theirs = measured.rate_dps[rows], simulated.rate_dps[partner]
     ratio = measured.interval_s / simulated.interval_s
     on_our_grid = np.interp(np.arange(int((theirs.size - 1) / ratio) + 1) * ratio, np.arange(theirs.size), theirs)
@@ -112,15 +112,16 @@ def _overlay(measured: Frame, rows: slice, simulated: Frame, partner: slice) -> 
 
 
 def _lag(ours: FloatArray, theirs: FloatArray) -> int:
-    """By how many samples the other motion must be taken later to lie on ours; 0 where there is no motion to tell.
+    """Return the number of samples by which the other motion must be delayed; 0 if there is no motion to align.
 
-    Of the places where a periodic motion lies equally well it is the nearest: other things change along a step too.
+    Of several equally good alignments of a periodic motion, the smallest delay is used, as other quantities also change
+    along a step.
     """
     if min(np.ptp(ours), np.ptp(theirs)) < _MOVING_DPS:
         return 0
     lags = np.arange(-(ours.size - 1), theirs.size)
     overlap = np.minimum(ours.size, theirs.size - lags) - np.maximum(0, -lags)
-    # the mean square of their difference, from three running sums
+    # mean square of the difference, from three running sums
     squares = [np.concatenate([[0.0], np.cumsum(x**2)]) for x in (ours, theirs)]
     first = np.maximum(0, -lags)
     power = (

@@ -1,8 +1,8 @@
-"""Where a recording and its simulations part: step by step, and along the coordinates of the motion.
+"""Differences between a recording and its simulations: per step, and along the coordinates of the motion.
 
-What is compared is a list of steps, each with the measured output and any number of simulated ones on the same stamps:
-predictions of models, or another recording of the same procedure, which
-`benchctl.diagnosis.comparison.pairing` lays on them.
+The input is a list of steps, each with the measured output and any number of simulated outputs on the same time stamps:
+predictions of models, or another recording of the same procedure, aligned by
+`benchctl.diagnosis.comparison.pairing`.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from benchctl_instruments.arrays import FloatArray
 
 _BINS = 24
 _BLOCKS = 40
-"""Means of a step in which what is slower than the noise shows."""
+"""Number of block means of a step, which show differences slower than the noise."""
 
 _ORDER = 4
 _GAIN = math.sqrt(math.comb(2 * _ORDER, _ORDER))
-"""By how much differences of that order raise white noise."""
+"""Factor by which differences of that order increase white noise."""
 
 _EXCERPT_S = 8.0
 _PERIODS = 6
@@ -32,7 +32,7 @@ _EXCERPTS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparedStep:
-    """One step: arrays of shape (n,) on the stamps of the measurement; simulated outputs and coordinates by name."""
+    """One step: arrays of shape (n,) on the time stamps of the measurement; simulated outputs, coordinates by name."""
 
     name: str
     kind: str
@@ -42,15 +42,15 @@ class ComparedStep:
     coordinates: Mapping[str, FloatArray]
 
     def difference(self, name: str) -> FloatArray:
-        """Measured less simulated, shape (n,)."""
+        """Return measured less simulated output, shape (n,)."""
         return self.measured_v - self.simulated_v[name]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepParting:
-    """Of one step: rms and mean of the difference by simulation; `noise_v` is its white part.
+    """The difference in one step: rms and mean by simulation; `noise_v` is its white part.
 
-    The white part is told by differences of high order from sample to sample, which no slow mismatch reaches.
+    The white part is computed from high-order differences between samples, which slow mismatches do not influence.
     """
 
     name: str
@@ -64,7 +64,7 @@ class StepParting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoordinateParting:
-    """Means of the difference in bins of a coordinate (m+1 edges, m bins; NaN where a bin is empty) by simulation."""
+    """Mean difference in bins of a coordinate (m+1 edges, m bins; NaN if a bin is empty), by simulation."""
 
     coordinate: str
     edges: FloatArray
@@ -75,7 +75,7 @@ class CoordinateParting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Excerpt:
-    """A short part of a step where the first simulation is furthest off; arrays of shape (n,)."""
+    """A short part of a step with the largest difference of the first simulation; arrays of shape (n,)."""
 
     step: str
     time_s: FloatArray
@@ -85,7 +85,7 @@ class Excerpt:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parting:
-    """Where a measurement and its simulations part; `rms_v` over all samples, by simulation."""
+    """The differences between a measurement and its simulations; `rms_v` over all samples, by simulation."""
 
     simulations: tuple[str, ...]
     rms_v: Mapping[str, float]
@@ -96,22 +96,22 @@ class Parting:
 
 
 def part(steps: Sequence[ComparedStep]) -> Parting:
-    """Compare at least one step; all have the same simulations and coordinates, the simulations at least one."""
+    """Compare one or more steps; all have the same coordinates and the same simulations, at least one."""
     names = tuple(steps[0].simulated_v)
-    told = tuple(_of_step(step, names) for step in steps)
+    summaries = tuple(_of_step(step, names) for step in steps)
     samples = np.array([step.measured_v.size for step in steps], dtype=np.float64)
 
     def overall(values: Sequence[float]) -> float:
         return math.sqrt(float(np.average(np.square(values), weights=samples)))
 
-    noise = overall([one.noise_v for one in told])
+    noise = overall([one.noise_v for one in summaries])
     return Parting(
         simulations=names,
-        rms_v={name: overall([one.rms_v[name] for one in told]) for name in names},
+        rms_v={name: overall([one.rms_v[name] for one in summaries]) for name in names},
         noise_v=noise,
-        steps=told,
+        steps=summaries,
         coordinates=tuple(_along(steps, names, coordinate, noise) for coordinate in steps[0].coordinates),
-        excerpts=tuple(_excerpts(steps, told, names[0])),
+        excerpts=tuple(_excerpts(steps, summaries, names[0])),
     )
 
 
@@ -156,7 +156,7 @@ def _along(steps: Sequence[ComparedStep], names: Sequence[str], coordinate: str,
 
 
 def _excerpts(steps: Sequence[ComparedStep], told: Sequence[StepParting], first: str) -> Iterator[Excerpt]:
-    """Of the steps that are furthest off, one of each kind before a second of any."""
+    """Yield the excerpts of the steps with the largest differences, one of each kind before a second of any."""
     by_size = sorted(range(len(steps)), key=lambda index: -told[index].rms_v[first])
     furthest = list({steps[index].kind: index for index in reversed(by_size)}.values())
     others = [index for index in by_size if index not in furthest]
@@ -172,7 +172,7 @@ def _excerpts(steps: Sequence[ComparedStep], told: Sequence[StepParting], first:
 
 
 def _furthest_off(step: ComparedStep, name: str) -> slice:
-    """The window in which block means of the difference are largest."""
+    """Return the window in which block means of the difference are largest."""
     size = step.time_s.size
     lasts_s = float(step.time_s[-1] - step.time_s[0])
     wanted_s = min(_EXCERPT_S, _PERIODS * _period_s(step.measured_v, lasts_s))
@@ -185,7 +185,7 @@ def _furthest_off(step: ComparedStep, name: str) -> slice:
 
 
 def _period_s(output_v: FloatArray, lasts_s: float) -> float:
-    """The period of an output that is mostly a sine, s; infinite of any other."""
+    """Return the period of an output that is mostly a sine [s]; infinite for any other output."""
     power = np.abs(np.fft.rfft(output_v - output_v.mean())) ** 2
     peak = int(np.argmax(power))
     around = power[max(0, peak - 1) : peak + 2].sum()

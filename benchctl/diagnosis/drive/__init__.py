@@ -1,1 +1,1 @@
-"""A table's drive as a problem for the engine."""
+"""A table's drive as a diagnosis problem."""

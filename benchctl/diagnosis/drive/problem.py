@@ -1,4 +1,4 @@
-"""A table's drive as a problem for the engine: the torque that its motion takes, by inertia and viscous friction."""
+"""A table's drive as a diagnosis problem: the torque required by its motion, from inertia and viscous friction."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ CONSTANT = "torque_constant_nm_per_a"
 
 _STAGES = ("friction", "transmission", "measurement")
 _CREEPING_RAD_S = 1e-9
-"""Friction has its sign, and no size of its own, at such a rate."""
+"""A rate at which friction has its sign but viscous torque is negligible."""
 _BEYOND_NOISE = 4.0
-"""Deviations of its noise by which a torque is beyond what friction holds at rest."""
+"""Noise deviations by which a torque at rest must exceed the friction limit to count."""
 _SLOWEST_DELAY_S = 0.1
-"""A torque that is older than this belongs to another motion: converters, buses and filters are faster."""
+"""Maximum delay of the torque: converters, buses and filters are faster."""
 _TIMES_LARGEST = 3.0
-"""Parts of the torque may cancel, but are hardly larger than so many times the largest torque."""
+"""Maximum size of a torque component relative to the largest torque; components may cancel each other."""
 _SHORTEST_LAG, _LONGEST_LAG = 0.02, 5.0
-"""Shares of the longest run between which a time constant shows."""
+"""Range, in shares of the longest run, in which a time constant is observable."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveProblem(MadeOfRows):
     """A `benchctl.estimation.problem.Problem`: τ = J·dω/dt + b·ω, row by row.
 
-    At rest the torque is compared with what would set the table in motion, either way: friction holds all between.
-    `believed` says whether the start is a lab's model, or was estimated from the recording itself. `noise` is the
-    deviation of a row's torque, seen in neighbouring rows.
+    At rest the torque must be between those that would start a motion in either direction, as friction balances it.
+    `believed` is true if the start values are a lab's model, false if they were estimated from the recording. `noise`
+    is the deviation of a row's torque, estimated from neighbouring rows.
     """
 
     rows: DriveRows
@@ -62,7 +62,7 @@ class DriveProblem(MadeOfRows):
 
     @property
     def unit(self) -> str:
-        """The unit of the torque, or of what stands for it."""
+        """The unit of the torque, or of the quantity used in its place."""
         return self.rows.unit
 
     @property
@@ -72,7 +72,7 @@ class DriveProblem(MadeOfRows):
 
     @property
     def baseline_bounds(self) -> Mapping[str, tuple[float, float]]:
-        """No mass is negative, and no lubricant drives."""
+        """Inertia and viscous friction are not negative."""
         return dict.fromkeys(NAMES, (0.0, math.inf))
 
     @property
@@ -82,7 +82,7 @@ class DriveProblem(MadeOfRows):
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Samples that are none."""
+        """Faults of the samples."""
         return self.rows.faults
 
     @property
@@ -92,7 +92,7 @@ class DriveProblem(MadeOfRows):
 
     @property
     def interval_s(self) -> float:
-        """Between two rows [s]."""
+        """Interval between two rows [s]."""
         return BLOCK * self.rows.sample_interval_s
 
     @property
@@ -102,7 +102,7 @@ class DriveProblem(MadeOfRows):
 
     @property
     def circumstances(self) -> Mapping[str, float]:
-        """How long the longest run is."""
+        """Duration of the longest run."""
         return {"duration_s": max(float(self.rows.run_s.max()), self.interval_s)}
 
     @property
@@ -112,7 +112,7 @@ class DriveProblem(MadeOfRows):
         return bool(rate.min() > 0.0 or rate.max() < 0.0)
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """The torque that the motion takes, shape (m,)."""
+        """Return the torque that the motion requires, shape (m,)."""
         return self._torque(baseline, effects, self.rows.rate_rad_s, self.rows.acceleration_rad_s2)
 
     def _torque(
@@ -144,7 +144,7 @@ class DriveProblem(MadeOfRows):
         return rows.means(torque)
 
     def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """By how much the torque of each rest is most beyond what friction holds, forwards and backwards."""
+        """Return the maximum excess of each rest's torque over the friction limit, forwards and backwards."""
         rows = self.rows
         if not rows.rests:
             return np.zeros(0)
@@ -156,13 +156,13 @@ class DriveProblem(MadeOfRows):
 
     @property
     def spectral_step(self) -> IntArray:
-        """Which step each rest begins in."""
+        """The step in which each rest starts."""
         return np.repeat(self.step[[one.start for one in self.rows.rests]], 2)
 
     def starts(
         self, baseline: FloatArray, effects: Sequence[DescribedEffect]
     ) -> Iterator[tuple[FloatArray, DescribedEffect]]:
-        """Friction as large as rests show it: no row in motion proposes it for what it does at rest."""
+        """Yield friction as large as the rests require; rows in motion do not determine friction at rest."""
         beyond = np.abs(self.spectral_residual(baseline, effects))
         if not beyond.any():
             return
@@ -175,57 +175,57 @@ class DriveProblem(MadeOfRows):
                 yield baseline, self.effects[name].make(values)
 
     def matters(self, name: str, change: float) -> float:
-        """A change of the lab's parameter, as a share of the largest torque; none where there was no lab's model."""
+        """Return a parameter's change as a share of the largest torque; 0 without a lab's model."""
         if not self.believed:
             return 0.0
         driven = self.rows.acceleration_rad_s2 if name == NAMES[0] else self.rows.rate_rad_s
         return abs(change) * float(np.abs(self.rows.means(driven)[self.usable]).max()) / self.full_scale
 
     def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
-        """The content of a model file, its table `[parts.drive]`; `noise` [N·m] is that of a row."""
+        """Return the table `[parts.drive]` of a model file; `noise` [N·m] is that of a row."""
         constant = {} if self.torque_constant_nm_per_a is None else {CONSTANT: self.torque_constant_nm_per_a}
         numbers = dict(zip(NAMES, baseline.tolist(), strict=True))
         found = tables_of(effects)
         return {"parts": {"drive": {**numbers, **constant, "noise_nm_rms": noise, EFFECTS: found}}}
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
-        """What this part has to say of residuals [N·m] before and after, shape (m,), and of what it cannot see."""
+        """Return remarks on what the recording cannot show; the arguments are not used."""
         del before, after, heldout
-        said = [
+        sentences = [
             f"Torque and motion are compared as means over {1e3 * self.interval_s:.3g} ms: ripple and resonances beyond"
             f" {0.5 / self.interval_s:.3g} Hz, and play or twist between motor and encoder, cannot be seen."
         ]
         rate = self.rows.means(self.rows.rate_rad_s)[self.usable]
         if self.turns_one_way:
-            said.append(
+            sentences.append(
                 "The table turns one way only: dry friction, which turns with the direction, and an offset of the"
                 " torque, which does not, cannot be told apart."
             )
         if float(np.ptp(rate)) < 0.05 * float(np.abs(rate).max()):
-            said.append(
+            sentences.append(
                 "The table turns at one rate only: inertia is hardly seen, and friction of any kind looks alike."
             )
-        return tuple(said)
+        return tuple(sentences)
 
 
 def drive_problem(
     recording: Recording, *, model: Mapping[str, Any] | None = None, without: Collection[str] = ()
 ) -> DriveProblem:
-    """The problem of a drive's recording and of the model that its lab believes in.
+    """Return the problem of a drive's recording with the lab's model.
 
     `model` is a table `[parts.drive]` of a model file: `inertia_kg_m2` and `viscous_nm_s`, or neither, and
-    `torque_constant_nm_per_a` where the recording has a current in place of a torque. Where it has no numbers, a fit of
-    the baseline is the start.
+    `torque_constant_nm_per_a` if the recording has a current in place of a torque. Without parameters, the start is a
+    fit of the baseline.
 
-    Raises `UsageError` where the recording has no motion with torque, or the model a field that is not known.
+    Raises `UsageError` if the recording has no motion with torque, or if the model has an unknown field.
     """
-    told = numbers_of(model, "drive", NAMES, (CONSTANT, "noise_nm_rms"))
-    constant = told.get(CONSTANT)
+    stated = numbers_of(model, "drive", NAMES, (CONSTANT, "noise_nm_rms"))
+    constant = stated.get(CONSTANT)
     rows = drive_rows_of(recording, constant)
     rate, acceleration = rows.means(rows.rate_rad_s), rows.means(rows.acceleration_rad_s2)
-    believed = NAMES[0] in told
+    believed = NAMES[0] in stated
     if believed:
-        start = np.array([told[name] for name in NAMES])
+        start = np.array([stated[name] for name in NAMES])
     else:
         columns = np.stack([acceleration, rate], axis=1)[rows.moving]
         start = np.linalg.lstsq(columns, rows.torque_nm[rows.moving], rcond=None)[0]
@@ -255,7 +255,7 @@ def drive_problem(
 def _coordinates(
     time_s: FloatArray, angle_deg: FloatArray, rate_rad_s: FloatArray, acceleration_rad_s2: FloatArray
 ) -> Mapping[str, FloatArray]:
-    """What a torque without a name may be a function of, as structures know it; arrays of one shape."""
+    """Return the coordinates on which an unnamed torque may depend, as structures define them; arrays of one shape."""
     return {
         "time": time_s,
         "rate": np.degrees(rate_rad_s),
@@ -267,7 +267,7 @@ def _coordinates(
 
 
 def _bounded_kinds(rows: DriveRows) -> Iterator[tuple[str, type[DescribedEffect]]]:
-    """The effects within bounds, and from places to begin, that such a recording can show."""
+    """Yield the effects with bounds and starting values that suit such a recording."""
     largest = _TIMES_LARGEST * float(np.abs(rows.torque_nm).max())
     lasts_s = float(rows.run_s.max())
     turned = max(float(np.ptp(rows.angle_deg[run])) for run in rows.runs)
@@ -275,7 +275,7 @@ def _bounded_kinds(rows: DriveRows) -> Iterator[tuple[str, type[DescribedEffect]
         "tau_s": (_SHORTEST_LAG * lasts_s, _LONGEST_LAG * lasts_s),
         "velocity_rad_s": (0.0, float(np.abs(rows.rate_rad_s).max()) / 2.0),
         "delay_s": (-_SLOWEST_DELAY_S, _SLOWEST_DELAY_S),
-        "order": (720.0 / turned, 360.0),  # what is turned through once only does not repeat
+        "order": (720.0 / turned, 360.0),  # an angle passed only once shows no repetition
         **dict.fromkeys(("coulomb_nm", "breakaway_nm", "moment_nm", "amplitude_nm", "offset_nm"), (-largest, largest)),
     }
     for name, kind in drive_effects().items():

@@ -1,8 +1,8 @@
-"""A recording of a table's drive laid out for a diagnosis: the motion, and the torque that it takes.
+"""A drive's recording as rows for a diagnosis: the motion, and the torque that it requires.
 
-The torque is not integrated to a rate: its noise would become a random walk. The motion is differentiated instead, as
-a measurement with its own noise, and both are compared as means over equal times. The mean of an acceleration is a
-difference of two rates, so that no content beyond the band of the motion is asked for.
+The torque is not integrated to a rate, as its noise would become a random walk. Instead the motion, a measurement with
+its own noise, is differentiated, and both are compared as means over equal intervals. The mean of an acceleration is a
+difference of two rates, so it needs no content beyond the band of the motion.
 """
 
 from __future__ import annotations
@@ -25,35 +25,35 @@ from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
 
 _SAMPLE_RATE_HZ = 100.0
-"""Samples are averaged down to this rate or a little above: the band of the motion ends below 20 Hz."""
+"""Samples are averaged to this rate or slightly above: the band of the motion ends below 20 Hz."""
 
 BLOCK = 5
-"""Samples to a row: two rows a period of the fastest motion that the rate follows exactly, a tenth of the samples'."""
+"""Samples per row: two rows per period of the fastest motion that the rate follows (a tenth of the sample rate)."""
 
 _FEWEST_ROWS = 60
 _RESTING_DEVIATIONS = 5.0
 _RESTING_SHARE = 0.002
-"""A rate below so many deviations of its noise, or below this share of the largest, is rest: the table may stick."""
+"""A rate below so many noise deviations, or below this share of the largest, is rest: the table may stick."""
 _ROUNDING = 1e-9
-"""Share of the angle's range below which a difference of two angles is the arithmetic's."""
+"""Share of the angle's range below which a difference of two angles is a rounding error."""
 
 ANGLES = ("encoder_deg", "velocity_rad_s", "table_rate_dps")
 TORQUES = ("torque_nm", "current_a", "drive_load")
-"""The torque, a current with its constant, or what stands for the torque in a unit of its own (counts of a PWM)."""
+"""The torque, a current with its constant, or a substitute for the torque in another unit (such as PWM counts)."""
 
 _FEWEST_AT_REST = 5
-"""Rows of a rest: a table that only reverses is slow for less."""
+"""Minimum rows of a rest: a table that only reverses is slow for a shorter time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveRows:
     """Samples of shape (n,) within `runs`; rows of shape (m,) made of `BLOCK` samples each, within `stretches`.
 
-    `time_s` is that of the rows, `clock_s` the same since the recording began that they belong to, where several were
-    joined, and `run_s` that of the samples since their run began. `torque_nm` (m,) is measured, in `unit`. `moving` are
-    rows in which the table turns, within whole windows of angles. At rest friction takes up any torque that it holds:
-    `rests` are rows without motion, several in a row. Neither has rows that `faults` of the data have spoilt; rows of
-    these are (m,).
+    `time_s` is the time of the rows, `clock_s` the time since the start of the recording that they belong to, if
+    several were joined, and `run_s` the time of the samples since the start of their run. `torque_nm` (m,) is measured,
+    in `unit`. `moving` rows are those in which the table turns, with complete windows of angles. At rest, friction
+    balances any torque below its limit: `rests` are groups of rows without motion. Neither includes rows spoilt by
+    `faults` of the data, whose rows are (m,).
     """
 
     infos_of_rows: Pieces
@@ -74,12 +74,12 @@ class DriveRows:
 
     @property
     def sampled_s(self) -> FloatArray:
-        """The time of the samples since their recording began [s], shape (n,)."""
+        """Time of the samples since the start of their recording [s], shape (n,)."""
         first_s = self.clock_s[[rows.start for rows in self.stretches]] - 0.5 * (BLOCK - 1) * self.sample_interval_s
         return np.repeat(first_s, [run.stop - run.start for run in self.runs]) + self.run_s
 
     def means(self, samples: FloatArray) -> FloatArray:
-        """Values of the samples (n,) as rows (m,)."""
+        """Return the means of samples (n,) over the rows (m,)."""
         return np.concatenate([block_mean(samples[run], BLOCK) for run in self.runs])
 
 
@@ -87,9 +87,9 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
     """Read a recording of a drive.
 
     The motion is that of `encoder_deg`, or the integral of `velocity_rad_s` or `table_rate_dps`. The torque is
-    `torque_nm`, or `current_a` by the torque constant.
+    `torque_nm`, or `current_a` multiplied by the torque constant.
 
-    Raises `UsageError` where motion or torque is missing, or the table hardly moves.
+    Raises `UsageError` if motion or torque is missing, or if the table hardly moves.
     """
     series = _series(recording, torque_constant_nm_per_a)
     factor = max(1, int(1.0 / series.interval_s / _SAMPLE_RATE_HZ + 1e-6))
@@ -110,10 +110,10 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
     source = next(name for name in TORQUES if name in series.columns)
     constant = float(torque_constant_nm_per_a or 0.0) if source == "current_a" else 1.0
     units = recording.meta.extra.get("channel_units", {})
-    whole = factor * BLOCK
+    width = factor * BLOCK
 
     def rows_of(samples: FloatArray) -> FloatArray:
-        return np.concatenate([block_mean(samples[run], whole) for run in runs])
+        return np.concatenate([block_mean(samples[run], width) for run in runs])
 
     turning = np.concatenate(
         [_turning(angle, motion.rate_dps, interval_s) for angle, motion in zip(angles, motions, strict=True)]
@@ -121,7 +121,7 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
     half = half_of(1.0 / interval_s)
     whole_windows = np.concatenate([_inner(angle.size, half) for angle in angles])
     time_s = rows_of(series.time_s)
-    step = np.concatenate([series.step[run][: (run.stop - run.start) // whole * whole : whole] for run in runs])
+    step = np.concatenate([series.step[run][: (run.stop - run.start) // width * width : width] for run in runs])
     rows = DriveRows(
         infos_of_rows=cut(series.infos, step, time_s),
         sample_interval_s=interval_s,
@@ -161,10 +161,10 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
 
 
 def _series(recording: Recording, torque_constant_nm_per_a: float | None) -> Series:
-    """The samples with the first motion and the first torque that the recording has."""
-    there = set.union(set(), *(set(recording.channels(info.index)) for info in recording.infos))
-    angle = next((name for name in ANGLES if name in there), ANGLES[0])
-    torque = next((name for name in TORQUES if name in there), TORQUES[0])
+    """Return the samples with the preferred motion channel and torque channel of the recording."""
+    available = set.union(set(), *(set(recording.channels(info.index)) for info in recording.infos))
+    angle = next((name for name in ANGLES if name in available), ANGLES[0])
+    torque = next((name for name in TORQUES if name in available), TORQUES[0])
     series = series_of(recording, (angle, torque), polled=False)
     if torque == "current_a" and not torque_constant_nm_per_a:
         raise UsageError(
@@ -175,7 +175,7 @@ def _series(recording: Recording, torque_constant_nm_per_a: float | None) -> Ser
 
 
 def _angle(series: Series, run: slice, period_deg: float) -> FloatArray:
-    """The unwrapped angle [deg] of a run, shape (n,)."""
+    """Return the unwrapped angle [deg] of a run, shape (n,)."""
     if "encoder_deg" in series.columns:
         return unwrap_deg(series.columns["encoder_deg"][run], period_deg)
     name = next(name for name in ANGLES if name in series.columns)
@@ -185,18 +185,18 @@ def _angle(series: Series, run: slice, period_deg: float) -> FloatArray:
 
 
 def _columns(rows: DriveRows) -> FloatArray:
-    """What a torque is mostly made of, in proportion, shape (m, 6): inertia, friction, an offset, a weight."""
+    """Return the main components of a torque, shape (m, 6): inertia, friction, an offset, an unbalanced weight."""
     rate, angle = rows.means(rows.rate_rad_s), np.radians(rows.means(rows.angle_deg))
     acceleration = rows.means(rows.acceleration_rad_s2)
     return np.stack([acceleration, rate, np.sign(rate), np.ones(rate.size), np.sin(angle), np.cos(angle)], axis=1)
 
 
 def _turning(angle_deg: FloatArray, rate_dps: FloatArray, interval_s: float) -> BoolArray:
-    """Samples whose rate is beyond the noise that the encoder brings into it."""
+    """Return the samples whose rate exceeds the noise of the encoder."""
     angle, rate_rad_s = np.radians(angle_deg), np.radians(rate_dps)
     steps = np.abs(np.diff(angle))
     counts = steps[steps > _ROUNDING * float(np.ptp(angle))]
-    # an encoder that stands still shows no noise, but the motion within one of its counts is not known either
+    # an encoder at rest shows no noise, but motion within one of its counts is unknown
     resolution = float(counts.min()) / math.sqrt(12.0) if counts.size else 0.0
     noise = max(white_noise_of(angle), resolution)
     band_hz = 0.1 / interval_s
@@ -206,12 +206,12 @@ def _turning(angle_deg: FloatArray, rate_dps: FloatArray, interval_s: float) -> 
 
 
 def _inner(size: int, half: int) -> BoolArray:
-    """Samples of a run with whole windows of angles around them, shape (size,)."""
+    """Return the samples of a run with complete windows of angles around them, shape (size,)."""
     inner = np.zeros(size, np.bool_)
     inner[half:-half] = True
     return inner
 
 
 def _rests(still: BoolArray) -> tuple[slice, ...]:
-    """The parts of rows, shape (m,), in which the table stands still long enough."""
+    """Return the groups of rows, shape (m,), in which the table is at rest long enough."""
     return tuple(run for run in holding(still) if run.stop - run.start >= _FEWEST_AT_REST)

@@ -1,7 +1,7 @@
-"""Samples of a drive that are none: wrapped counters, a torque at a converter's rail, spikes.
+"""Invalid samples of a drive: wrapped counters, a torque at a converter's rail, spikes.
 
-What is suspected of the torque is held against the motion. A torque that is wrapped does not fit it; one that stands at
-a limit may be that of the drive itself, and fits it, where a converter at its rail reads less than the motion takes.
+Suspected faults of the torque are compared with the motion. A wrapped torque does not fit it. A torque at a limit may
+be the limit of the drive itself, which fits the motion; a converter at its rail reads less than the motion requires.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from benchctl_instruments.arrays import BoolArray, FloatArray
 TURN_DEG = 360.0
 
 _WHOLE = 0.01
-"""Share of a turn by which a modulus of whole turns may be off."""
+"""Tolerance, in turns, for a modulus to count as an integer number of turns."""
 
 _ISOLATED = 5
-"""Samples of a running median that takes away spikes beyond the rail."""
+"""Window of a running median, in samples, that removes spikes beyond the rail."""
 
 _FITS = 0.5
-"""A torque was wrapped where, put right, it misses less than this share of what it misses of the motion as read."""
+"""A torque was wrapped if unwrapping reduces its misfit with the motion to less than this share."""
 
 _BEYOND = 3.0
-"""Deviations by which the motion must take more than a torque at its limit."""
+"""Deviations by which the motion must require more than a torque at its limit."""
 
 _FEWEST_ROWS = 5
-"""Rows at a limit that are enough to hold against the motion."""
+"""Minimum number of rows at a limit for a comparison with the motion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Torque:
-    """A torque put right [N·m]: rows (m,), those of them that are `spoilt` yet, and the `faults`, their rows (m,)."""
+    """A corrected torque [N·m]: rows (m,), those still `spoilt` (m,), and the `faults`, with rows (m,)."""
 
     rows_nm: FloatArray
     spoilt: BoolArray
@@ -49,9 +49,9 @@ class Torque:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MovingRows:
-    """Rows that a torque is held against: `columns` (m, k), in proportion to which it is where the table is `moving`.
+    """Rows that a torque is compared with: `columns` (m, k), of which it is a linear combination while `moving`.
 
-    `means` makes rows (m,) of samples (n,).
+    `means` computes rows (m,) from samples (n,).
     """
 
     columns: FloatArray
@@ -59,12 +59,12 @@ class MovingRows:
     means: Callable[[FloatArray], FloatArray]
 
     def holding(self, samples: BoolArray) -> BoolArray:
-        """Which rows (m,) hold any of some samples (n,)."""
+        """Return a mask of the rows (m,) that contain any of the given samples (n,)."""
         return self.means(samples.astype(np.float64)) > 0.0
 
 
 def angle_period_of(encoder_deg: FloatArray, runs: tuple[slice, ...]) -> tuple[float, Fault | None]:
-    """The period [deg] by which the angles (n,) of an encoder wrap; the fault, with no rows, where that is no turn."""
+    """Return the period [deg] of an encoder's angles (n,), and a fault without rows if it is not 360° or a multiple."""
     wraps = wraps_in(encoder_deg, runs, 0.0)
     turns = 1.0 if wraps is None else wraps.modulus / TURN_DEG
     if wraps is None or abs(turns - max(1, round(turns))) < _WHOLE:
@@ -80,7 +80,7 @@ def angle_period_of(encoder_deg: FloatArray, runs: tuple[slice, ...]) -> tuple[f
 
 
 def put_right(read_nm: FloatArray, runs: tuple[slice, ...], rows: MovingRows) -> Torque:
-    """A torque [N·m], samples (n,), without what is certainly wrong with it; single samples are bridged."""
+    """Return a torque [N·m], samples (n,), without certain faults; single samples are interpolated."""
     step_nm = grid_of(read_nm, 0.0).step_v
     torque_nm, lost, wrap = _unwrapped(read_nm, runs, step_nm, rows)
     limits = _limits(torque_nm[~lost])
@@ -102,15 +102,15 @@ def put_right(read_nm: FloatArray, runs: tuple[slice, ...], rows: MovingRows) ->
 def _unwrapped(
     read_nm: FloatArray, runs: tuple[slice, ...], step_nm: float, rows: MovingRows
 ) -> tuple[FloatArray, BoolArray, Fault | None]:
-    """The torque (n,) with its wraps taken back, the samples (n,) beyond the counter's range, and the fault."""
+    """Return the unwrapped torque (n,), a mask of the wrapped samples (n,), and the fault."""
     none = np.zeros(read_nm.size, np.bool_)
     wraps = wraps_in(read_nm, runs, step_nm)
     if wraps is None:
         return read_nm, none, None
     kinds, met = np.unique(wraps.turns, return_counts=True)
     turns = wraps.turns - kinds[np.argmax(met)]
-    whole_nm = read_nm + wraps.modulus * turns
-    if _missed(rows, rows.means(whole_nm)) > _FITS * _missed(rows, rows.means(read_nm)):
+    unwrapped_nm = read_nm + wraps.modulus * turns
+    if _missed(rows, rows.means(unwrapped_nm)) > _FITS * _missed(rows, rows.means(read_nm)):
         return read_nm, none, None
     lost = turns != 0
     fault = Fault(
@@ -124,16 +124,16 @@ def _unwrapped(
         ),
         coordinate="output",
     )
-    return whole_nm, lost, fault
+    return unwrapped_nm, lost, fault
 
 
 def _missed(rows: MovingRows, rows_nm: FloatArray) -> float:
-    """Share of a torque's spread, rows (m,), that the motion does not account for."""
+    """Return the share of a torque's spread, rows (m,), that the motion does not explain."""
     return _Law.of(rows, rows_nm, rows.moving).deviation / (float(np.std(rows_nm[rows.moving])) or math.inf)
 
 
 def _limits(torque_nm: FloatArray) -> list[float]:
-    """Where a torque (n,) stands at either end of its range, single samples beyond left out."""
+    """Return the ends of the range at which a torque (n,) accumulates, ignoring single samples beyond."""
     smooth = median_filter(torque_nm, _ISOLATED, mode="nearest")
     return limits_of(torque_nm[(torque_nm >= smooth.min()) & (torque_nm <= smooth.max())])
 
@@ -141,7 +141,7 @@ def _limits(torque_nm: FloatArray) -> list[float]:
 def _rail(
     torque_nm: FloatArray, rows_nm: FloatArray, limits: list[float], step_nm: float, rows: MovingRows
 ) -> Fault | None:
-    """The limits of a torque, samples (n,) and rows (m,), beyond which the motion takes more."""
+    """Return the fault of a torque, samples (n,) and rows (m,), at limits that the motion requires it to exceed."""
     law = _Law.of(rows, rows_nm, ~rows.holding(np.isin(torque_nm, limits)))
     middle = float(np.median(torque_nm))
     kept = [
@@ -168,7 +168,7 @@ def _rail(
 
 
 def _spikes(found: Fault, read_nm: FloatArray, rows: BoolArray) -> Fault:
-    """Spikes in the words of a drive; `read_nm` (k,) is what they read."""
+    """Return the spikes in terms of a torque; `read_nm` (k,) are their readings."""
     return replace(
         found,
         parameters={
@@ -185,9 +185,9 @@ def _spikes(found: Fault, read_nm: FloatArray, rows: BoolArray) -> Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Law:
-    """A torque as its motion has it: `factors` (k,) of the columns, the `deviation` of the rows, and their covariance.
+    """A torque as a function of the motion: `factors` (k,) of the columns, residual `deviation`, and covariance.
 
-    The covariance is in units of the deviation's square.
+    The covariance is in units of the squared deviation.
     """
 
     factors: FloatArray
@@ -196,7 +196,7 @@ class _Law:
 
     @classmethod
     def of(cls, rows: MovingRows, rows_nm: FloatArray, counted: BoolArray) -> _Law:
-        """That of the rows (m,) that move and are counted."""
+        """Fit the torque in the rows (m,) that move and are counted."""
         used = rows.moving & counted
         columns = rows.columns[used]
         inverse = np.linalg.pinv(columns)
@@ -208,7 +208,7 @@ class _Law:
         )
 
     def is_beyond(self, rows: MovingRows, rows_nm: FloatArray, at_limit: BoolArray, way: float) -> bool:
-        """Whether in rows (m,) at a limit the motion takes more than was read, up or down by `way`."""
+        """Return whether the motion requires more than was read in rows (m,) at a limit, in direction `way`."""
         judged = rows.moving & at_limit
         if int(judged.sum()) < _FEWEST_ROWS:
             return False

@@ -1,8 +1,8 @@
-"""Faults of the data: what happened to the numbers after the gyro. They are found first, masked, and stated."""
+"""Faults of the data, which arise after the gyro. They are detected first, masked, and reported."""
 
 from benchctl.diagnosis.faults.clipping import rail_of
-from benchctl.diagnosis.faults.fault import Fault, Faults
+from benchctl.diagnosis.faults.fault import Fault, FoundFaults
 from benchctl.diagnosis.faults.outliers import spikes_in
 from benchctl.diagnosis.faults.search import faults_in
 
-__all__ = ["Fault", "Faults", "faults_in", "rail_of", "spikes_in"]
+__all__ = ["Fault", "FoundFaults", "faults_in", "rail_of", "spikes_in"]

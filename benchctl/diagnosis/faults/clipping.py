@@ -1,7 +1,7 @@
-"""Rails: the output stands exactly at one largest value, below the rated limit, or at a largest and a smallest one.
+"""Rails: the output remains exactly at a largest value below the rated limit, at a smallest value, or at both.
 
-Where the clipping comes before the noise there is no exact plateau; that is for the effects `saturation` and
-`two_rails` in the fit.
+If clipping occurs before the noise is added there is no exact plateau; the fit then uses the effects `saturation` and
+`two_rails`.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from benchctl_instruments.physics.effects.saturation import Saturation
 from benchctl_instruments.physics.effects.two_rails import TwoRails
 
 _VISITS = 2
-"""Runs at the same extreme value that make it a rail rather than a held sample; one will do where nothing is held
-elsewhere, as a sample that happens to be held is hardly ever the largest of all.
+"""Minimum number of runs at the same extreme value that distinguish a rail from a held sample. One is enough if no
+sample is held elsewhere, because a randomly held sample is rarely the largest of all.
 """
 
 _ISOLATED = 5
-"""Rows of a running median that takes away spikes beyond the rail."""
+"""Window of a running median, in rows, that removes spikes beyond the rail."""
 
 _PRINTED = 1.02
-"""Half a step, and what printing adds to it."""
+"""Half a step, with the rounding of printed values, in half steps."""
 
 _ALIKE = 2.0
-"""Steps by which two rails may differ and be one limit in both directions: a converter has one value more below 0."""
+"""Steps by which two rails may differ and still be one symmetric limit: a converter has one more negative code."""
 
 _BESIDE, _OFTEN, _MEETINGS = 10, 10.0, 30
-"""A rail is met so often, and so many times as often as any of so many values beside it."""
+"""Number of neighbouring values; a rail occurs so many times as often as any of them; minimum occurrences."""
 
 NEAR = 8
-"""Rows on either side of one at the rail that do not count: noise is cut there on one side only."""
+"""Rows on either side of a row at the rail that do not count: there the noise is cut on one side."""
 
 
 def rail_in(output: Output, runs: Runs) -> tuple[Fault | None, BoolArray]:
-    """The rail, if there is one, and which of the standing `runs` (m,) stand at it."""
+    """Return the rail, if there is one, and a mask of the constant `runs` (m,) that are at it."""
     smooth: FloatArray = median_filter(np.where(output.alive, output.volts, 0.0), _ISOLATED, mode="nearest")
     values = output.volts[runs.first]
     at_rail = np.zeros(values.size, np.bool_)
@@ -71,7 +71,7 @@ def rail_in(output: Output, runs: Runs) -> tuple[Fault | None, BoolArray]:
 
 
 def rail_of(volts: FloatArray) -> Fault | None:
-    """The rail at which an output (n,) that shakes stands for a sample or two, again and again; else None."""
+    """Return the rail that a vibrating output (n,) reaches repeatedly for a sample or two; else None."""
     limits = limits_of(volts)
     if not limits:
         return None
@@ -89,26 +89,26 @@ def rail_of(volts: FloatArray) -> Fault | None:
 
 
 def limits_of(readings: FloatArray) -> list[float]:
-    """The largest and the smallest of readings (n,), each where it is met far more often than those beside it."""
+    """Return the largest and the smallest of readings (n,), each only if far more frequent than its neighbours."""
     values, counts = np.unique(readings[np.isfinite(readings)], return_counts=True)
     if values.size <= 2 * _BESIDE:
         return []
     return [
         float(values[end])
-        for end, beside in ((-1, slice(-1 - _BESIDE, -1)), (0, slice(1, 1 + _BESIDE)))
-        if counts[end] >= _OFTEN * counts[beside].max() and counts[end] >= _MEETINGS
+        for end, neighbours in ((-1, slice(-1 - _BESIDE, -1)), (0, slice(1, 1 + _BESIDE)))
+        if counts[end] >= _OFTEN * counts[neighbours].max() and counts[end] >= _MEETINGS
     ]
 
 
 def gain_of(rows: BoolArray) -> float:
-    """The evidence for a limit that is met in these rows (n,)."""
+    """Return the evidence for a limit that is reached in these rows (n,)."""
     return bounded_gain(float(rows.sum()) * math.log(_OFTEN))
 
 
 def stated_limits(limits: list[float], step: float, ending: str, unit: str) -> tuple[str, dict[str, Estimate]]:
-    """The effect and its parameters of limits that are not an output's; their names have this `ending`.
+    """Return effect and parameters for limits of a quantity other than an output; parameter names end with `ending`.
 
-    `step` is that of the readings. A single limit has its sign.
+    `step` is the step of the readings. A single limit keeps its sign.
     """
     half = _PRINTED * step / 2.0
     effect, names = (Saturation, ("limit",)) if len(limits) == 1 else (TwoRails, ("lower", "upper"))
@@ -119,7 +119,7 @@ def stated_limits(limits: list[float], step: float, ending: str, unit: str) -> t
 
 
 def _effect_of(limits: list[float], step_v: float) -> tuple[PhysicalEffect, dict[str, Estimate]]:
-    """Limits of one size in both directions, or of one alone, are a saturation; others are two rails."""
+    """Return a saturation for symmetric limits or a single one, else two rails, with its parameters."""
     half = _PRINTED * step_v / 2.0
     effect: PhysicalEffect
     if len(limits) == 1 or abs(math.fsum(limits)) <= _ALIKE * step_v:

@@ -1,13 +1,13 @@
-"""Coarse conversion: lower bits that never move, and the rows in which the output stands on stairs for it.
+"""Coarse conversion: lower bits that never change, and the rows in which the output shows stairs because of it.
 
 Rounding to steps q makes an error whose mean over the noise is the sum over h = 1, 2, … of
 ∓(q/πh)·exp(−2π²h²σ²/q²)·sin(2πhu/q), at the noiseless output u (Widrow and Kollár, Quantization noise, 2008, ch. 4).
-While u crosses steps at a rate of v a sample, harmonic h goes round hv times a sample, which is as slow as its distance
-from a whole number. Where all are fast the error is white, of variance q²/12, as far as physics is concerned, and a fit
-is unbiased. Where one that the noise has not washed away is slow, at rest, at a turning point, at whole steps a sample,
-the error stays, comes again in the next period, and belongs to no model: these rows are masked. So are those over which
-it does not average out, although the noise washes much of it away: where, over some stretch around a row, its mean
-would exceed its standard error.
+If u crosses v steps per sample, harmonic h turns hv times per sample; its apparent speed is the distance of hv from an
+integer. If all harmonics are fast, the error is white with variance q²/12, and a fit is unbiased. If a harmonic that
+the noise does not smooth out is slow (at rest, at a turning point, at an integer number of steps per sample), the error
+remains and repeats itself in the next period; no model describes it, so these rows are masked. Rows are also masked if
+the error, though mostly smoothed out, does not average out: if its mean over some stretch around a row would exceed its
+standard error.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from benchctl_instruments.physics.effects.adc_coarse import AdcCoarse
 
 _STRETCHES_S = (0.25, 1.0, 4.0, 16.0)
 _EXCESS = 3.0
-"""Square of the mean error over a stretch, in units of the variance of the mean of white noise, beyond which it is
-masked; steps crossed at any rate give 0.6 to 1."""
+"""Squared mean error over a stretch, relative to the variance of the mean of white noise, above which it is masked;
+steps crossed at arbitrary rates give 0.6 to 1."""
 
 _SLOW = 0.15
-"""Turns a sample below which a harmonic of full size is slow; of a smaller one, in proportion."""
+"""Turns per sample below which a harmonic of full amplitude is slow; for a smaller one, in proportion."""
 
 _MOST_HARMONICS, _WASHED = 3, 0.005
-"""How many are followed, and their size in steps below which they are none."""
+"""Number of harmonics used, and their minimum amplitude in steps."""
 
 _SPEED = 3
-"""Rows over which the rate of crossing is averaged."""
+"""Rows over which the rate of crossing steps is averaged."""
 
 
 def coarse_in(output: Output, grid: Grid, adc_step_v: float, stairs: BoolArray) -> Fault | None:
-    """Lost bits as a finding; `stairs` (n,) are the rows that do not count for it."""
+    """Return lost bits as a fault, or None; `stairs` (n,) are the rows that it spoils."""
     if grid.bits_lost == 0:
         return None
     effect = AdcCoarse(bits_lost=float(grid.bits_lost), adc_step_v=adc_step_v)
@@ -56,9 +56,9 @@ def coarse_in(output: Output, grid: Grid, adc_step_v: float, stairs: BoolArray) 
 
 
 def stairs_in(output: Output, interval_s: float) -> BoolArray:
-    """Rows in which the converter's error is not noise, shape (n,).
+    """Return a mask, shape (n,), of rows in which the converter's error is not noise.
 
-    Of the predicted output only the changes within seconds need be right.
+    The predicted output must be accurate only in its changes within seconds.
     """
     step, noise = output.step_v, output.noise_v
     masked = np.zeros(output.volts.size, np.bool_)
@@ -83,7 +83,7 @@ def stairs_in(output: Output, interval_s: float) -> BoolArray:
 
 
 def _harmonics(step: float, noise: float) -> list[float]:
-    """Amplitudes of the harmonics of the mean error, of which those are left out that the noise has washed away."""
+    """Return the amplitudes of the mean error's harmonics, without those that the noise smooths out."""
     orders = np.arange(1, _MOST_HARMONICS + 1)
     amplitudes = step / (math.pi * orders) * np.exp(-2.0 * (math.pi * orders * noise / step) ** 2)
     return [float(one) for one in amplitudes if one > _WASHED * step] or [0.0]

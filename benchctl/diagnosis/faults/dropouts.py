@@ -1,4 +1,4 @@
-"""Dropouts: the output is held for a while, then goes on."""
+"""Dropouts: the output is held for some time and then continues."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.effects.dropouts import Dropouts
 
 _PRETENDED = 300
-"""Places at which a hold is pretended, to learn how many of them would be seen."""
+"""Number of places at which a hold is simulated to estimate the detectable share."""
 
 _OFTEN, _ONE_SIDE = 0.7, 0.025
-"""How often, at most, a held value is met again before or after by chance; what is left to chance on one side."""
+"""Maximum probability that an adjacent value equals the held one by chance; error probability on one side."""
 
 _ALIKE = 2
-"""Rows by which the lengths of holds of one duration differ: the value before the hold may come once more after it."""
+"""Length differences, in rows, of holds of one duration: the value before the hold may also occur just after it."""
 
 
 def holds_in(output: Output, runs: Runs, railed: BoolArray, interval_s: float) -> Fault | None:
-    """The dropouts that standing `runs` away from the rail are; None where there are none.
+    """Return the dropouts, from constant `runs` that are not at a rail; None if there are none.
 
-    `railed` (n,) rows stand at a rail: nobody sees a hold there.
+    `railed` (n,) rows are at a rail, where a hold is not detectable.
     """
     rows = np.zeros(output.volts.size, np.bool_)
     for first, stop in zip(runs.first.tolist(), runs.stop.tolist(), strict=True):
@@ -35,9 +35,9 @@ def holds_in(output: Output, runs: Runs, railed: BoolArray, interval_s: float) -
         return None
     lengths = (runs.stop - runs.first).astype(np.float64)
     length, shorter, longer = _length(lengths, output)
-    seen = _share_seen(output, ~railed & output.alive, max(3, round(length)))
-    count = lengths.size / seen
-    spread = Z95 * math.sqrt(lengths.size * (1.0 - seen)) / seen
+    share = _share_seen(output, ~railed & output.alive, max(3, round(length)))
+    count = lengths.size / share
+    spread = Z95 * math.sqrt(lengths.size * (1.0 - share)) / share
     hold_s = (length - 0.5) * interval_s
     effect = Dropouts(count=float(round(count)), hold_s=hold_s)
     units = {name: parameter.unit for name, parameter in effect.parameters.items()}
@@ -64,11 +64,11 @@ def holds_in(output: Output, runs: Runs, railed: BoolArray, interval_s: float) -
 
 
 def _length(lengths: FloatArray, output: Output) -> tuple[float, float, float]:
-    """The usual number of equal rows of a hold, and by how many it may be shorter or longer.
+    """Return the usual number of equal rows of a hold, and by how many rows it may be shorter or longer.
 
-    A value that is put out N times stood for N − 1 to N intervals, so half of one is uncertain, and as much again by
-    how an instrument counts. Where most holds are of one length, the shorter of them tell it: a longer one has met an
-    equal value by chance. All of them may have, where they are few.
+    A value repeated N times was held for N − 1 to N intervals, so half an interval is uncertain, and another half from
+    the way an instrument counts. If most holds have one length, the shorter ones define it: a longer one met an equal
+    value by chance. With few holds, all of them may have done so.
     """
     values, counts = np.unique(lengths, return_counts=True)
     together = np.array([counts[(values >= value) & (values < value + _ALIKE)].sum() for value in values])
@@ -82,10 +82,10 @@ def _length(lengths: FloatArray, output: Output) -> tuple[float, float, float]:
 
 
 def _share_seen(output: Output, visible: BoolArray, length: int) -> float:
-    """The share of holds of this many rows, at any time, that would have been told from an output at rest."""
+    """Return the share of holds of this many rows, at any time, distinguishable from an output at rest."""
     places = np.linspace(0, output.volts.size - length - 1, _PRETENDED).astype(np.int64)
-    seen = [
+    detected = [
         bool(visible[place : place + length].all()) and evidence_of(output, place, place + length) > output.enough
         for place in places.tolist()
     ]
-    return max(float(np.mean(seen)), 1.0 / _PRETENDED)
+    return max(float(np.mean(detected)), 1.0 / _PRETENDED)

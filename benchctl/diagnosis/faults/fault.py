@@ -1,4 +1,4 @@
-"""A fault of the data, as found: what it is, how large, how sure, and which rows it spoils."""
+"""A fault of the data: its kind, its size, the evidence for it, and the rows that it spoils."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from benchctl.diagnosis.result import Estimate, Where
 from benchctl_instruments.arrays import BoolArray
 
 CHANCE = 1e-3
-"""How often a kind of fault may be found, anywhere in a recording, where there is none."""
+"""Probability that a kind of fault is found somewhere in a recording that has none."""
 
 _MOST_GAIN = 1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """A data fault in the words of the vocabulary of effects (`effect` and the names of `parameters`).
+    """A data fault, with `effect` and the names of `parameters` from the vocabulary of effects.
 
-    `rows` (n,) are spoilt and must not count. `gain` is the evidence in twice the log likelihood, `says` the finding in
-    one sentence; it is seen along `coordinate`, and at `where`, where that is known better than by the rows.
+    `rows` (n,) are spoilt and must not be used. `gain` is the evidence in twice the log likelihood, `says` the finding
+    in one sentence. It is located along `coordinate`, and at `where` if that is more precise than the rows.
     """
 
     effect: str
@@ -33,17 +33,17 @@ class Fault:
     where: Where | None = None
 
     def on_rows(self, rows: BoolArray) -> Fault:
-        """The same fault where what it spoils are other rows, means over several readings say."""
+        """Return the same fault with other spoilt rows, such as means over several readings."""
         return replace(self, rows=rows)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Faults:
-    """What a search found.
+class FoundFaults:
+    """The result of a search for faults.
 
-    `masked` (n,) holds the rows of all that is `found`, and those that are spoilt without being a finding. In the
-    `standing` ones among them (n,) the output tells nothing at all: they are held, or at a rail. `step_v` is the step
-    that the values come in, 0 where none shows.
+    `masked` (n,) are the rows of all `found` faults and rows that are spoilt without being a finding. In the `standing`
+    rows (n,) among them, held or at a rail, the output contains no information. `step_v` is the step of the values, 0
+    if none is visible.
     """
 
     found: tuple[Fault, ...]
@@ -53,5 +53,5 @@ class Faults:
 
 
 def bounded_gain(log_likelihood_ratio: float) -> float:
-    """Twice a log likelihood ratio, as the finite number that a report can print."""
+    """Return twice a log likelihood ratio, limited to a finite number that a report can print."""
     return float(np.clip(2.0 * log_likelihood_ratio, 0.0, _MOST_GAIN))

@@ -1,7 +1,7 @@
-"""The grid that the values of a channel stand on: the converter's step as it shows in the numbers themselves.
+"""The grid of a channel's values: the converter's step, determined from the numbers themselves.
 
-Files hold decimals, so a value is off its code by up to half a unit of the last one. An offset of the codes (a
-converter that rounds to the middle of its steps, a subtracted zero) does not matter: differences of values are judged.
+Files contain decimals, so a value differs from its code by up to half a unit of the last decimal. An offset of the
+codes (a converter that rounds to the middle of its steps, a subtracted zero) has no influence: differences are tested.
 """
 
 from __future__ import annotations
@@ -15,32 +15,32 @@ from benchctl.diagnosis.faults.fault import CHANCE
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _ON_GRID = 0.999
-"""Share of the rows that must stand on a grid; the rest may be of another converter's making."""
+"""Minimum share of the rows on a grid; the others may come from another converter."""
 
 _MOST_BITS = 12
 _DECIMALS = range(2, 10)
 _EXACT = 1e-3
-"""In units of the last decimal: how well a value is a whole number of them."""
+"""Tolerance, in units of the last decimal, for a value to be an integer number of them."""
 
 _SINGLE = 5e-7
-"""Error of a difference of two values of some volts in single precision."""
+"""Error of a difference of two values of a few volts in single precision."""
 
 _VISIBLE = 4.0
-"""A step must be so many times as large as what printing can move a value."""
+"""Minimum ratio of a step to the rounding of printed values."""
 
 _REACHES = (5, 20, 80, 320, 1280, 5120, 20_480)
-"""Codes from the most frequent one within which the step is fitted, one after the other."""
+"""Distances in codes from the most frequent one within which the step is fitted, in turn."""
 
 _NEAR_POWER = 0.05
-"""How far log2 of a step over the stated one may be from a whole number: converters are calibrated."""
+"""Tolerance of log2 of the ratio of a step to the stated one from an integer: converters are calibrated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
-    """A grid: `step_v` between neighbouring codes or printed values, 0 where none shows.
+    """A grid: `step_v` between neighbouring codes or printed values, 0 if none is visible.
 
-    `bits_lost` is how many of the stated step's bits never move, 0 where all do.
-    `evidence` is the log of how much less likely these values are on the converter's own grid.
+    `bits_lost` is the number of the converter's bits that never change, 0 if all do. `evidence` is the logarithm of the
+    ratio by which these values are less likely on the converter's own grid.
     """
 
     step_v: float
@@ -49,9 +49,9 @@ class Grid:
 
 
 def grid_of(volts: FloatArray, adc_step_v: float) -> Grid:
-    """The grid of a channel's values, shape (n,), rows at a rail left out.
+    """Return the grid of a channel's values, shape (n,), without rows at a rail.
 
-    `adc_step_v` is the converter's own step as the file states it, 0 where it does not.
+    `adc_step_v` is the converter's step as stated in the file, 0 if it is not stated.
     """
     if volts.size == 0:
         return Grid(step_v=0.0)
@@ -79,7 +79,7 @@ def grid_of(volts: FloatArray, adc_step_v: float) -> Grid:
 
 
 def _unit(values: FloatArray) -> float:
-    """The unit of the last decimal that the values were printed with; 0 where they were not."""
+    """Return the unit of the last decimal that the values were printed with; 0 if they were not printed."""
     for decimals in _DECIMALS:
         scaled = values * 10.0**decimals
         if np.all(np.abs(scaled - np.rint(scaled)) < _EXACT):
@@ -88,7 +88,7 @@ def _unit(values: FloatArray) -> float:
 
 
 def _slack(step: float, unit: float) -> float:
-    """By how much printing can move the difference of two values that are whole steps apart."""
+    """Return how much printing can change the difference of two values that are an integer number of steps apart."""
     if unit == 0.0:
         return _SINGLE
     units = step / unit
@@ -102,7 +102,7 @@ def _stands_on(distances: FloatArray, counts: IntArray, step: float, slack: floa
 
 
 def _derived(values: FloatArray, distances: FloatArray, counts: IntArray, unit: float) -> float:
-    """The step from the values alone: neighbouring ones are a few whole steps apart; 0 where they are on no grid."""
+    """Return the step estimated from the values alone, which are a few steps apart; 0 if they are on no grid."""
     slack = 1.02 * unit if unit > 0.0 else _SINGLE
     gaps = np.diff(values)
     gaps = gaps[gaps > 2.0 * slack]
@@ -110,7 +110,7 @@ def _derived(values: FloatArray, distances: FloatArray, counts: IntArray, unit: 
         return 0.0
     step = float(np.quantile(gaps, 0.05))
     for reach in (*_REACHES, np.inf):
-        # near values tell the step well enough to count the codes of farther ones
+        # near values determine the step well enough to count the codes of more distant ones
         near = distances[np.abs(distances) < reach * step]
         codes = np.rint(near / step)
         if codes.any():

@@ -1,4 +1,4 @@
-"""Outliers: spikes that have nothing to do with the gyro, as a finding."""
+"""Outliers: spikes that are not caused by the gyro."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 from scipy.special import ndtr
 from scipy.stats import binom
 
-from benchctl.diagnosis.faults.fault import Fault, Faults, bounded_gain
+from benchctl.diagnosis.faults.fault import Fault, FoundFaults, bounded_gain
 from benchctl.diagnosis.faults.single_rows import HALF, SingleRows, single_rows
 from benchctl.diagnosis.result import Estimate
 from benchctl.signals.normal import Z95
@@ -19,9 +19,9 @@ from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.physics.effects.outliers import EXPONENTIAL, NORMAL, Outliers
 
 _SEEN, _MASKED = 10.0, 5.0
-"""Sizes of the noise beyond which a row is a spike; beyond which it is masked where spikes are known to come.
+"""Size relative to the noise above which a row is a spike; above which it is masked if spikes are known to occur.
 
-The first is far out, as noise that grows with the rate may treble within the rows that it is judged by.
+The first is large because noise that grows with the rate can triple within the rows used for comparison.
 """
 
 _FEWEST = 3
@@ -29,45 +29,44 @@ _FEWEST_ROWS = 1000
 
 
 _SCALES = np.geomspace(0.02, 20.0, 3000)
-"""Scales that are weighed, in units of the root of the mean square of what is seen."""
+"""Scales that are compared, in units of the rms of the detected spikes."""
 
 _OWN = 1e-3
-"""How often chance may bring so many of the spikes where the motion is sudden."""
+"""Probability that so many of the spikes are by chance in rows with sudden motion."""
 
 
-def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden: Sequence[BoolArray]) -> Faults:
-    """Spikes in a residual (n,) of a provisional fit, which may miss much physics yet.
+def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden: Sequence[BoolArray]) -> FoundFaults:
+    """Find spikes in a residual (n,) of a provisional fit, which may lack many effects.
 
-    Call it after `faults_in`, with rows as `usable` (n,) that have a motion and are not `standing` there; then fit
-    again without the rows that are masked here. `step_v` is the converter's step as it shows in the values
-    (`Faults.step_v`). Fewer than three spikes are masked only.
+    Call it after `faults_in`, with `usable` (n,) rows that have a motion and are not `standing` there; then fit again
+    without the rows that are masked here. `step_v` is the converter's step observed in the values (`Faults.step_v`).
+    Fewer than three spikes are masked but not reported.
 
-    Spikes come at any time: where more of them than chance brings are in rows whose motion is `sudden`, masks (n,) by
-    one meaning each, it is the motion that stands out there, by a kink that the provisional fit does not know, and such
-    rows are left alone.
+    Spikes occur at any time. If more of them than by chance are in rows with `sudden` motion, given as masks (n,) of
+    one kind each, the motion causes them, by a kink that the provisional fit does not model; such rows are not masked.
     """
     masked = np.zeros(residual.size, np.bool_)
     rows = np.flatnonzero(usable)
     if rows.size < _FEWEST_ROWS:
-        return Faults(found=(), masked=masked, standing=masked, step_v=step_v)
+        return FoundFaults(found=(), masked=masked, standing=masked, step_v=step_v)
     values, floor = residual[rows], step_v / math.sqrt(12.0)
-    # where rows were left out the residual jumps
+    # the residual jumps where rows were left out
     calm = np.ones(rows.size, np.bool_)
-    beside_a_gap = binary_dilation(np.diff(rows, prepend=rows[:1] - 1) > 1, iterations=HALF)
-    searched = ~beside_a_gap
+    near_a_gap = binary_dilation(np.diff(rows, prepend=rows[:1] - 1) > 1, iterations=HALF)
+    searched = ~near_a_gap
     spikes = single_rows(values, searched, _SEEN, floor)
     for one in sudden:
         if _is_of_motion(spikes.rows, searched, one[rows]):
             calm &= ~one[rows]
-            searched = calm & ~beside_a_gap
+            searched = calm & ~near_a_gap
             spikes = single_rows(values, searched, _SEEN, floor)
     if spikes.rows.size < _FEWEST:
         masked[rows[spikes.rows]] = True
-        return Faults(found=(), masked=masked, standing=np.zeros_like(masked), step_v=step_v)
+        return FoundFaults(found=(), masked=masked, standing=np.zeros_like(masked), step_v=step_v)
     masked[rows[single_rows(values, searched, _MASKED, floor).rows]] = True
-    masked[rows[single_rows(values, calm & beside_a_gap, _SEEN, floor).rows]] = True
+    masked[rows[single_rows(values, calm & near_a_gap, _SEEN, floor).rows]] = True
     found = _outliers(spikes, searched, masked)
-    return Faults(found=(found,), masked=masked, standing=np.zeros_like(masked), step_v=step_v)
+    return FoundFaults(found=(found,), masked=masked, standing=np.zeros_like(masked), step_v=step_v)
 
 
 def _is_of_motion(spikes: IntArray, searched: BoolArray, sudden: BoolArray) -> bool:
@@ -110,39 +109,39 @@ class SpikeSizes:
 
 
 def spike_sizes(heights_v: FloatArray, limits_v: FloatArray, rows: int, noise_v: float) -> SpikeSizes:
-    """How many spikes there are and how large, from the `heights_v` (m,) of those seen in so many `rows`.
+    """Estimate number and size of spikes from the `heights_v` (m,) of those detected in so many `rows`.
 
-    `limits_v` are quantiles of the rows' limits; `noise_v` is the noise that the heights hold beside the spikes.
+    `limits_v` are quantiles of the rows' detection limits; `noise_v` is the noise contained in the heights.
 
-    Spikes below a limit τ are not seen. With S(s) the share of spikes of scale s that is seen over the limits of all
+    Spikes below a limit τ are not detected. With S(s) the detectable share of spikes of scale s over the limits of all
     rows, the likelihood of m heights x in n rows is f^m·Π p(x; s)·exp(−f·n·S(s)): the fraction is f = m/(n·S), and the
-    scale that which is likeliest with it (a truncated distribution). Normal and Laplace's distribution are compared.
+    scale is the likeliest one with it (a truncated distribution). A normal and a Laplace distribution are compared.
     """
     root = float(np.sqrt(np.mean(heights_v**2)))
     scales = _SCALES * root
     laws = []
     for exponent in (NORMAL, EXPONENTIAL):
-        seen = np.maximum(np.mean(_share_beyond(limits_v[None, :] / scales[:, None], exponent), axis=1), 1e-300)
-        # p(x; s) depends on the heights by the sum of their powers alone
+        detectable = np.maximum(np.mean(_share_beyond(limits_v[None, :] / scales[:, None], exponent), axis=1), 1e-300)
+        # p(x; s) depends on the heights only through the sum of their powers
         power = float(np.sum(np.abs(heights_v / root) ** exponent))
-        likelihood = heights_v.size * (density(0.0, scales, exponent) - np.log(seen))
-        laws.append((likelihood - power / (exponent * _SCALES**exponent), seen, exponent))
+        likelihood = heights_v.size * (density(0.0, scales, exponent) - np.log(detectable))
+        laws.append((likelihood - power / (exponent * _SCALES**exponent), detectable, exponent))
     laws.sort(key=lambda law: -float(law[0].max()))
     least = float(laws[0][0].max()) - Z95**2 / 2.0
     scale_v, fraction = [], []
-    for likelihood, seen, exponent in laws:  # intervals hold what the less likely law allows, too
+    for likelihood, detectable, exponent in laws:  # intervals include what the less likely law allows
         inside = np.flatnonzero(likelihood >= least)
         if inside.size == 0:
             continue
         for i in (int(np.argmax(likelihood)), inside[0], inside[-1]):
-            one, many = float(scales[i]), heights_v.size / (rows * float(seen[i]))
+            one, many = float(scales[i]), heights_v.size / (rows * float(detectable[i]))
             if exponent == NORMAL:
                 scale_v.append(math.sqrt(max(one**2 - noise_v**2, (0.1 * one) ** 2)))
                 fraction.append(many)
-            else:  # far out, noise beside Laplace's spikes makes them more, not larger
+            else:  # in the tail of a Laplace distribution, noise increases the number of spikes, not their size
                 scale_v.append(one)
                 fraction.append(many * math.exp(-0.5 * min(noise_v / one, 1.0) ** 2))
-    # the fraction's error: chance of how many come, and what is unseen
+    # error of the fraction: counting statistics and the undetected spikes
     chance = Z95 / math.sqrt(heights_v.size)
     fewest, most = (math.hypot(chance, math.log(end / fraction[0])) for end in (min(fraction), max(fraction)))
     return SpikeSizes(
@@ -153,12 +152,12 @@ def spike_sizes(heights_v: FloatArray, limits_v: FloatArray, rows: int, noise_v:
 
 
 def density(height_v: FloatArray | float, scale_v: FloatArray | float, exponent: float) -> FloatArray:
-    """Logarithm of the density of heights of spikes of a scale."""
+    """Return the logarithm of the density of spike heights of a scale."""
     size = math.sqrt(2.0 * math.pi) if exponent == NORMAL else 2.0
     scaled = np.abs(np.asarray(height_v) / scale_v)
     return np.asarray(-np.log(size * np.asarray(scale_v)) - scaled**exponent / exponent)
 
 
 def _share_beyond(limits: FloatArray, exponent: float) -> FloatArray:
-    """Share of spikes of scale 1 that are larger than a limit, up or down."""
+    """Return the share of spikes of scale 1 that exceed a limit in either direction."""
     return np.asarray(2.0 * ndtr(-limits) if exponent == NORMAL else np.exp(-limits))

@@ -1,4 +1,4 @@
-"""The search for data faults that show in the output itself, before anything is fitted."""
+"""Search for data faults that are visible in the output itself, before any fit."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from benchctl.diagnosis.faults.clipping import rail_in
 from benchctl.diagnosis.faults.coarse import coarse_in, stairs_in
 from benchctl.diagnosis.faults.dropouts import holds_in
-from benchctl.diagnosis.faults.fault import Faults
+from benchctl.diagnosis.faults.fault import FoundFaults
 from benchctl.diagnosis.faults.grid import grid_of
 from benchctl.diagnosis.faults.standing import Output, standing_runs
 from benchctl.recordings.runs import gaps
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _LEAST_STEP_V = 1e-9
-"""Stands for no step at all."""
+"""Replaces a step of zero."""
 
 
 def faults_in(
@@ -28,15 +28,14 @@ def faults_in(
     interval_s: float,
     adc_step_v: float,
     limit_v: float = np.inf,
-) -> Faults:
-    """Lost bits, a rail, held samples: what an output (n,) shows before any fit; call it first, and mask.
+) -> FoundFaults:
+    """Find lost bits, rails and held samples in an output (n,) before any fit; the masked rows must not be fitted.
 
-    `predicted` (n,) is the output by the model that the lab believes in, as it stands: it need only say where the
-    output should have moved; where `foretold` (n,) is false it cannot say even that. `time_s` are the stamps,
-    `adc_step_v` the converter's step (0: not known), `limit_v` the rated limit of the output, at which rows are left
-    out of all this.
+    `predicted` (n,) is the output by the unchanged model of the lab: it is used only to see where the output should
+    have changed, and only where `foretold` (n,) is true. `time_s` are the time stamps, `adc_step_v` the converter's
+    step (0: unknown), `limit_v` the rated limit of the output; rows at this limit are ignored.
 
-    Spikes want a residual: `spikes_in`, after a provisional fit without the rows that are `masked` here.
+    Spikes require a residual: call `spikes_in` after a provisional fit without the rows that are `masked` here.
     """
     alive = np.isfinite(volts) & (np.abs(volts) < limit_v) & np.isfinite(predicted)
     grid = grid_of(volts[alive], adc_step_v)
@@ -58,20 +57,20 @@ def faults_in(
     lost = coarse_in(output, grid, adc_step_v, stairs)
     found = tuple(one for one in (lost, rail, holds) if one is not None)
     standing = railed if holds is None else railed | holds.rows
-    return Faults(found=found, masked=stairs | standing, standing=standing, step_v=grid.step_v)
+    return FoundFaults(found=found, masked=stairs | standing, standing=standing, step_v=grid.step_v)
 
 
 _WINDOW_S = 1.0
 _QUIETEST = 0.1
-"""Share of the windows that may be quieter: those in which the output is held, or stands at a rail."""
+"""Share of windows that may be quieter: those in which the output is held or at a rail."""
 
 
 def quiet_noise_v(residual: FloatArray, interval_s: float, step_v: float) -> float:
-    """A lower estimate of the deviation of the noise ahead of the converter [V]; 0 where its steps hide it.
+    """Return a lower estimate of the noise deviation before the converter [V]; 0 if its steps hide the noise.
 
-    From the differences of successive residuals (n,) in windows of a second, of which a low quantile counts. A slow
-    error of the model does not matter, and one that does makes windows louder. Rounding adds step²/12 where noise or
-    motion reach over a step; windows below that stand on stairs.
+    It is a low quantile of the differences of successive residuals (n,) in windows of one second. Slow model errors
+    have no influence; fast ones make windows louder. Rounding adds step²/12 if noise or motion exceed a step; quieter
+    windows show stairs.
     """
     window = max(2, round(_WINDOW_S / interval_s))
     windows = residual.size // window

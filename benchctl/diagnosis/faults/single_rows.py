@@ -1,9 +1,9 @@
-"""Rows of a residual that stand out alone.
+"""Single rows of a residual that differ from their neighbours.
 
-A row is judged by its surroundings, as the residual may still hold physics. It is compared with what a filter, flat
-from 0 Hz to the edge of the band of motion, makes of its neighbours: physics goes through, noise and single rows do
-not. Jumps, kinks, ringing, the start of a motion and the edge of a hold leave several rows of a size; a spike leaves
-one, and the filter's answer to it.
+A row is compared with its surroundings, because the residual may still contain physical effects. A filter, flat from
+0 Hz to the edge of the motion's band, predicts it from its neighbours: physical effects pass, noise and single rows do
+not. Jumps, kinks, ringing, the start of a motion and the edge of a hold leave several rows of similar size; a spike
+leaves one row and the filter's response to it.
 """
 
 from __future__ import annotations
@@ -18,34 +18,34 @@ from benchctl.signals.normal import DEVIATION_OF_MEDIAN
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 HALF = 8
-"""Rows on either side that a row is told from."""
+"""Rows on either side from which a row is predicted."""
 
 _BAND, _EXACT = 0.14, 1e5
-"""Edge of the filter's band as a share of the sampling rate, and the weight of errors within it against noise."""
+"""Edge of the filter's band as a share of the sampling rate; weight of errors within the band relative to noise."""
 
 _REACH = 20
-"""Rows on either side from which the size of the noise is taken."""
+"""Rows on either side from which the noise level is estimated."""
 
 _CANDIDATE = 0.5
-"""Share of what makes a spike, by a size that the spike itself has spoilt, from which a row is looked at."""
+"""Share of the spike threshold above which a row is a candidate; its noise level still contains the spike."""
 
 _NEIGHBOUR, _PER_NEIGHBOUR = 3, 0.4
-"""Which of the neighbours, from the largest, stands for them, and as how much noise it counts: of sixteen normal values
-the third largest is 1.5 deviations."""
+"""Rank, from the largest, of the neighbour that represents them, and the share of its size that counts as noise: of
+sixteen normal values the third largest is 1.5 deviations."""
 
 _LINE = (1.0, 0.5, 0.0, -0.5)
-"""Weights of the nearest four rows on one side in the straight line through them, at the row."""
+"""Weights of the nearest four rows on one side that extrapolate their straight line to the row."""
 
 _AGREE = 0.5
-"""Share of a spike's height by which it must stand out from the line on either side; jumps and kinks do from none."""
+"""Share of a spike's height by which it must exceed the line on both sides; jumps and kinks exceed only one."""
 
 _ROUNDS = 3
-"""Searches, each without the spikes that are known: one hides another nearby."""
+"""Number of searches, each without the known spikes, as one spike can hide another nearby."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SingleRows:
-    """Single rows (m,) with their heights (m,), and the size (n,) of the noise that heights hold, in all rows."""
+    """Single rows (m,), their heights (m,), and the noise level (n,) contained in heights, for all rows."""
 
     rows: IntArray
     heights: FloatArray
@@ -53,9 +53,9 @@ class SingleRows:
 
 
 def single_rows(residual: FloatArray, searched: BoolArray, times: float, floor: float) -> SingleRows:
-    """The `searched` rows of a residual, shape (n,), that stand out so many times from the noise, and alone.
+    """Return the `searched` rows of a residual, shape (n,), that exceed the noise so many times, without neighbours.
 
-    The noise is nowhere taken to be less than `floor`, nor than where it is quiet in the residual itself.
+    The noise level is at least `floor` and at least that of quiet parts of the residual.
     """
     clean = residual.copy()
     heights = np.zeros_like(residual)
@@ -77,12 +77,12 @@ def single_rows(residual: FloatArray, searched: BoolArray, times: float, floor: 
 
 
 def _alone(residual: FloatArray, rest: FloatArray, rows: IntArray, times: float, least: float) -> IntArray:
-    """The rows among these candidates that stand out from noise (`least` or more), neighbours, and either side."""
+    """Return the candidates that exceed the noise (`least` or more), their neighbours, and the line on either side."""
     offsets = np.concatenate([np.arange(-_REACH, 0), np.arange(1, _REACH + 1)])
     answer = np.zeros(offsets.size)
     answer[np.abs(offsets) <= HALF] = np.concatenate([-_weights()[::-1], -_weights()])
     places = np.clip(rows[:, None] + offsets[None, :], 0, rest.size - 1)
-    # what the surroundings show once a spike here is taken out
+    # the surroundings with the candidate's spike removed
     others = np.abs(rest[places] - rest[rows, None] * answer[None, :])
     size = np.maximum(DEVIATION_OF_MEDIAN * np.median(others, axis=1), least)
     near = np.sort(others[:, np.abs(offsets) <= HALF], axis=1)[:, -_NEIGHBOUR]
@@ -94,14 +94,14 @@ def _alone(residual: FloatArray, rest: FloatArray, rows: IntArray, times: float,
 
 
 def _beside(residual: FloatArray, rows: IntArray, side: int) -> FloatArray:
-    """How far rows are above the straight line through their neighbours on one side, shape (m,)."""
+    """Return how far rows are above the straight line through their neighbours on one side, shape (m,)."""
     near = np.clip(rows[:, None] + side * np.arange(1, len(_LINE) + 1), 0, residual.size - 1)
-    beside: FloatArray = residual[rows] - residual[near] @ np.array(_LINE)
-    return beside
+    height: FloatArray = residual[rows] - residual[near] @ np.array(_LINE)
+    return height
 
 
 def _less_neighbours(residual: FloatArray, weights: FloatArray) -> FloatArray:
-    """Each row less what its neighbours say, shape (n,)."""
+    """Return each row less the value predicted from its neighbours, shape (n,)."""
     kernel = np.concatenate([-weights[::-1], [1.0], -weights])
     rest: FloatArray = np.convolve(np.pad(residual, HALF, mode="edge"), kernel, mode="valid")
     return rest
@@ -109,7 +109,7 @@ def _less_neighbours(residual: FloatArray, weights: FloatArray) -> FloatArray:
 
 @cache
 def _weights() -> FloatArray:
-    """Weights of the neighbours on one side, nearest first: least squares of error and noise, exact for a constant."""
+    """Return the weights on one side, nearest first: least squares of error and noise, exact for a constant."""
     frequency = np.linspace(0.0, _BAND, 200)
     response = 2.0 * np.cos(2.0 * np.pi * np.outer(frequency, np.arange(1, HALF + 1)))
     share = _EXACT / frequency.size

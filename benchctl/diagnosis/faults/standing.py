@@ -1,11 +1,11 @@
-"""Runs of exactly equal values, and how unlikely each is if the output went on as the model predicts.
+"""Runs of exactly equal values, and how unlikely each is if the output follows the prediction.
 
-A sample falls on code c if prediction and noise lie within half a step of it. A run is evidence against a living output
-by the product of these probabilities. The prediction is not yet right and the noise not known, so each run is given the
-offset, and each of its rows the deviation, that excuse it best: an offset of any size, a deviation from that of the
-quietest noise to that of the model's error around the run. Where the prediction moves by no more than it is wrong by,
-it counts as at rest. What is left is small at rest on a coarse converter, where equal values are the rule, and enormous
-wherever the gyro turned on.
+A sample has code c if prediction and noise are within half a step of it. The product of these probabilities is the
+evidence of a run against a working output. The prediction is not yet accurate and the noise unknown, so each run gets
+the offset, and each of its rows the deviation, that make it most likely: any offset, and a deviation between that of
+the quietest noise and that of the model's error around the run. A prediction that changes by less than its error counts
+as constant. The resulting evidence is small at rest on a coarse converter, where equal values are common, and very
+large if the gyro was turning.
 """
 
 from __future__ import annotations
@@ -22,40 +22,40 @@ from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 _FEWEST = 3
 _BESIDE, _AROUND = 8, 32
-"""Rows on either side from which a run's surroundings are judged: right beside it, and as many at least."""
+"""Rows on either side of a run that are its surroundings: adjacent ones, and the minimum for the wider range."""
 
 _MOST_ROWS = 500
-"""Rows of a run that are weighed; of a longer one so many, evenly."""
+"""Maximum number of rows of a run that are evaluated; of longer runs, evenly spaced ones."""
 
 _DEAD = 0.5
 
 _OFFSETS, _DEVIATIONS = 17, 5
 _EXCUSED = 3.0
-"""By how many times the model's error around a run the prediction may have moved without counting."""
+"""Change of the prediction that is ignored, as a multiple of the model's error around the run."""
 
 _LEAST_DEVIATION = 0.02
-"""In steps: what a deviation of zero is replaced by."""
+"""Minimum deviation in steps, which replaces zero."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Runs:
-    """Rows [first, stop) with one value each, and the log of how unlikely that is; arrays of shape (m,)."""
+    """Runs of equal values, rows [first, stop), and the logarithm of their improbability; arrays of shape (m,)."""
 
     first: IntArray
     stop: IntArray
     evidence: FloatArray
 
     def where(self, chosen: BoolArray) -> Runs:
-        """Some of them."""
+        """Return the chosen runs."""
         return Runs(first=self.first[chosen], stop=self.stop[chosen], evidence=self.evidence[chosen])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Output:
-    """A channel with what is known of it; arrays of shape (n,).
+    """A channel and its properties; arrays of shape (n,).
 
-    `alive` rows are numbers within the rated limit, `broken` ones follow a gap, and of `foretold` ones the prediction
-    is made of what was measured, not of what a filter took to be beyond a gap. `step_v` is the grid's step, `noise_v`
+    `alive` rows are finite and within the rated limit, `broken` rows follow a gap, and `foretold` rows are predicted
+    from measured values only, not from a filter's extrapolation beyond a gap. `step_v` is the grid's step, `noise_v`
     the quietest noise.
     """
 
@@ -69,12 +69,12 @@ class Output:
 
     @property
     def enough(self) -> float:
-        """The log of improbability that chance reaches somewhere in the recording one time in a thousand."""
+        """The logarithm of improbability that chance exceeds somewhere in the recording once in a thousand cases."""
         return math.log(self.volts.size / CHANCE)
 
 
 def standing_runs(output: Output) -> Runs:
-    """The runs that chance does not make, in order; none where they are most of the recording: the channel is dead."""
+    """Return the runs not caused by chance, in order; none if they are most of the recording (a dead channel)."""
     runs = _runs(output)
     surprise = _surprise(runs.stop - runs.first, output.volts.size)
     runs = runs.where(runs.stop - runs.first >= _FEWEST)
@@ -91,7 +91,7 @@ def standing_runs(output: Output) -> Runs:
 
 
 def evidence_of(output: Output, first: int, stop: int) -> float:
-    """How unlikely it is, as a log, that rows [first, stop) would all have had the value of the first."""
+    """Return the logarithm of the improbability that rows [first, stop) all have the value of the first."""
     rows = np.arange(first + 1, stop)
     rows = rows[output.foretold[rows]]
     if rows.size == 0:
@@ -118,16 +118,16 @@ def _runs(output: Output) -> Runs:
 
 
 def _surprise(lengths: IntArray, rows: int) -> float:
-    """How unlikely it is, as a log, that a value repeats the one before it: by how many are met just once more.
+    """Return the log improbability that a value repeats the previous one, from the number of runs of two.
 
-    Where a moving output often does so by chance, three of a kind are no hold, whatever the model says of its noise.
+    If a moving output often repeats by chance, a run of three is not a hold, whatever noise the model predicts.
     """
     pairs = max(int(np.count_nonzero(lengths == _FEWEST - 1)), 1)
     return math.log(rows / pairs)
 
 
 def _at_first_sight(output: Output, first: IntArray, stop: IntArray) -> FloatArray:
-    """Evidence with the middle of the prediction as offset and the quietest noise: never less than the full one."""
+    """Return the evidence with the mid prediction as offset and the quietest noise: an upper limit of the full one."""
     if first.size == 0:
         return np.zeros(0)
     bounds = np.column_stack([first + 1, stop]).ravel()
@@ -147,10 +147,10 @@ def _least(output: Output) -> float:
 
 
 def _deviations(output: Output, first: int, stop: int) -> tuple[float, float]:
-    """The least and the largest deviation that the output around a run allows [V].
+    """Return the smallest and the largest deviation that the output around a run allows [V].
 
-    Where a limit comes before the noise, the model is wrong for as short as the output is limited: right beside a run
-    counts as well as farther around it.
+    If a limit acts before the noise, the model is wrong only while the output is limited; so rows adjacent to the run
+    are evaluated separately from the wider surroundings.
     """
     least = _least(output)
     reaches = (_BESIDE, max(stop - first, _AROUND))
@@ -158,7 +158,7 @@ def _deviations(output: Output, first: int, stop: int) -> tuple[float, float]:
 
 
 def _error(output: Output, first: int, stop: int, reach: int) -> float:
-    """The model's error within `reach` rows on either side of a run [V]."""
+    """Return the model's error within `reach` rows on either side of a run [V]."""
     middles, spreads = [], []
     for side in (slice(max(first + 1 - reach, 0), first + 1), slice(stop, stop + reach)):
         around = (output.volts[side] - output.predicted[side])[output.alive[side]]
@@ -170,7 +170,7 @@ def _error(output: Output, first: int, stop: int, reach: int) -> float:
 
 
 def _log_chance(away: FloatArray, step: float, deviation: float) -> FloatArray:
-    """Log of the chance that a normal value falls within half a step of a code that its mean is `away` from."""
+    """Return the log probability of a normal value within half a step of a code `away` from its mean."""
     near = log_ndtr(-(away - step / 2.0) / deviation)
     far = log_ndtr(-(away + step / 2.0) / deviation)
     chance: FloatArray = near + np.log1p(-np.exp(np.minimum(far - near, -1e-12)))

@@ -1,7 +1,7 @@
-"""Wrapped counters: a number that leaves its range at one end and comes back at the other.
+"""Wrapped counters: values that leave their range at one end and continue at the other.
 
-Every wrap is a jump of one size, the modulus, between samples that otherwise change by far less, and the values do not
-reach over a modulus.
+Every wrap is a jump by one size, the modulus, between samples that otherwise change by much less, and the range of the
+values does not exceed the modulus.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ EFFECT = "counter_wrap"
 
 _FEWEST = 2
 _BEYOND = 4.0
-"""A wrap is larger than so many of the largest other changes from sample to sample."""
+"""Minimum ratio of a wrap to the largest other change between samples."""
 
 _ISOLATED = 9
-"""Samples of a running median that takes away what is as short as a spike."""
+"""Window of a running median, in samples, that removes spikes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wraps:
-    """A counter of some `modulus`, with its 95 % interval's `half`, that wraps `count` times.
+    """A counter of a `modulus`, with the `half` width of its 95 % interval, that wraps `count` times.
 
-    `turns` (n,) are to be added, in moduli, so that samples follow the first one of their run.
+    `turns` (n,), in moduli, are to be added to make the samples of a run continuous.
     """
 
     modulus: float
@@ -40,19 +40,19 @@ class Wraps:
     turns: IntArray
 
     def estimate(self, unit: str) -> Estimate:
-        """The modulus as a finding states it."""
+        """Return the modulus as an estimate."""
         return Estimate(value=self.modulus, low=self.modulus - self.half, high=self.modulus + self.half, unit=unit)
 
     @property
     def gain(self) -> float:
-        """The evidence: by chance a jump of any size would leave the range of a counter, or a gap in it."""
+        """The evidence: by chance a jump of any size would leave the counter's range or a gap in it."""
         return bounded_gain(self.count * math.log(1.0 / CHANCE))
 
 
 def wraps_in(values: FloatArray, runs: tuple[slice, ...], step: float) -> Wraps | None:
-    """The wraps of a counter's values (n,), continuous within `runs`; None where none are certain.
+    """Return the wraps of a counter's values (n,), continuous within `runs`; None if none are certain.
 
-    `step` is that of the values, 0 where none shows.
+    `step` is the step of the values, 0 if none is visible.
     """
     changes = np.zeros(values.size)
     for run in runs:
@@ -69,14 +69,14 @@ def wraps_in(values: FloatArray, runs: tuple[slice, ...], step: float) -> Wraps 
     jump, span = float(heights.mean()), float(np.ptp(values))
     if span + step > jump + usual:
         return None
-    # noise that takes a value over the end makes the jump smaller, but such values come close to either end
+    # noise that moves a value across the end reduces the jump, but such values are close to either end
     modulus = max(jump, span + step)
     turns = np.zeros(values.size, np.int64)
     bends = []
     for run in runs:
-        whole = np.unwrap(values[run], period=modulus)
-        turns[run] = np.rint((whole - values[run]) / modulus)
-        bends.append(np.diff(whole, 3) / 2.0)  # by as much as a jump is off from the mean of the changes beside it
+        unwrapped = np.unwrap(values[run], period=modulus)
+        turns[run] = np.rint((unwrapped - values[run]) / modulus)
+        bends.append(np.diff(unwrapped, 3) / 2.0)  # deviation of a jump from the mean of the adjacent changes
     if np.ptp(median_filter(turns, _ISOLATED, mode="nearest")) == 0:
         return None
     half = Z95 * float(np.std(np.concatenate(bends))) / math.sqrt(heights.size)

@@ -1,1 +1,1 @@
-"""What was selected, told: findings, where model and recording part, what was not found, the verdict."""
+"""Presentation of a selection: findings, where model and recording disagree, effects not found, and the verdict."""

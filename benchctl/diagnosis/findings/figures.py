@@ -1,4 +1,4 @@
-"""How well a model fits: rms of its residual, beside the noise that the recording itself shows."""
+"""Fit quality: rms of a model's residual, compared with the noise of the recording itself."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _BLOCK_S, _FEWEST = 1.0, 20
-"""Rest is compared with a straight line over so long, of at least so many rows: a bias may drift meanwhile."""
+"""Block length and minimum rows for the line fitted at rest; within it a drift of the bias is linear."""
 
 
 def figures_of(problem: Problem, chosen: Selection) -> FitFigures:
-    """Rms over the rows that count: of what the model predicts with its parameters refitted, and with what was found.
+    """Return the rms of residuals over rows that count: with refitted parameters only, and with the findings.
 
-    Where the noise wanders a row is predicted from those before it. The noise is never more than what is left.
+    If the noise wanders, a row is predicted from the rows before it. The noise never exceeds the residual.
     """
     counted = chosen.whitener.weight > 0.0
     heldout = chosen.heldout[problem.step] & counted
@@ -42,10 +42,10 @@ def figures_of(problem: Problem, chosen: Selection) -> FitFigures:
 
 
 def noise_of(problem: Problem, chosen: Selection) -> float | None:
-    """Rms of the noise of what is measured, whatever a model misses.
+    """Return the rms of the noise of the measured quantity, independent of any model.
 
-    From rest where there is any, else from replicates of a rate where each row is a step of its own, else from
-    differences between neighbouring rows of what is left. None where the recording has none of these.
+    It is computed from rest if there is any, from replicates of a rate if each row is a separate step, or else from
+    differences between neighbouring rows of the residual. Return None if the recording has none of these.
     """
     counted = chosen.whitener.weight > 0.0
     if problem.step.size == len(problem.step_names):
@@ -58,7 +58,7 @@ def noise_of(problem: Problem, chosen: Selection) -> float | None:
 
 
 def _scatter_of_replicates(values: FloatArray, rate_dps: FloatArray) -> float | None:
-    """Of values (n,) about the mean of those of the same rate."""
+    """Return the scatter of values (n,) about the mean of those with the same rate; None without replicates."""
     _, group, count = np.unique(np.round(rate_dps, 6), return_inverse=True, return_counts=True)
     freedom = values.size - count.size
     if freedom < 1:
@@ -68,7 +68,7 @@ def _scatter_of_replicates(values: FloatArray, rate_dps: FloatArray) -> float | 
 
 
 def _about_lines(problem: Problem, rows: BoolArray) -> float | None:
-    """Of rows at rest, about a straight line through each second: the median, since a table stops in some."""
+    """Return the scatter at rest about a line per second; the median, because in some seconds the table stops."""
     block = max(_FEWEST, round(_BLOCK_S / problem.interval_s))
     place = np.arange(block) - 0.5 * (block - 1)
     squares = []

@@ -1,4 +1,4 @@
-"""What was selected, as findings with values, intervals, evidence and alternatives."""
+"""The findings of a selection, with values, intervals, evidence and alternatives."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from benchctl_instruments.physics.effects.registry import effect as effect_named
 from benchctl_instruments.physics.structures import Structure
 
 _NEAR = 0.001
-"""Alternatives less probable than this are not named."""
+"""Alternatives with a smaller probability are not listed."""
 
 
 def findings_of(problem: Problem, chosen: Selection) -> tuple[Finding, ...]:
-    """The findings of a selection: first the effects, then what was found of the noise."""
+    """Return the findings of a selection: first the effects, then those about the noise."""
     return (*_effects(problem, chosen), *_noises(problem, chosen))
 
 
 def noise_effects(chosen: Selection) -> tuple[DescribedEffect, ...]:
-    """What was found of the noise, as effects with their sizes."""
+    """Return what was found about the noise, as effects with their sizes."""
     return tuple(_as_effect(one, chosen.white_deviation) for one in chosen.noise.found.values())
 
 
@@ -60,15 +60,15 @@ def _effects(problem: Problem, chosen: Selection) -> Iterator[Finding]:
 
 
 def estimates_of(problem: Problem, chosen: Selection) -> Iterator[tuple[str, DescribedEffect, dict[str, Estimate]]]:
-    """Every effect of the model with its key, and its parameters with their intervals."""
-    whole = chosen.whole
-    errors = np.sqrt(np.diag(whole.robust_covariance(problem.step)))
-    for place, (key, effect) in enumerate(zip(keys_of(whole.point.effects), whole.point.effects, strict=True)):
+    """Yield every effect of the model with its key and its parameters with intervals."""
+    fitted = chosen.whole
+    errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
+    for place, (key, effect) in enumerate(zip(keys_of(fitted.point.effects), fitted.point.effects, strict=True)):
         estimates: dict[str, Estimate] = {}
         for name, parameter in effect.parameters.items():
             value = effect.values[name]
-            index = next((i for i, one in enumerate(whole.numbers) if one.effect == place and one.name == name), None)
-            # of a number that the recording does not show, a rail that no output reaches, the interval is all it may be
+            index = next((i for i, one in enumerate(fitted.numbers) if one.effect == place and one.name == name), None)
+            # a parameter that the recording does not determine, such as an unreached rail, has its full allowed range
             half = 0.0 if index is None else Z95 * float(errors[index]) or math.inf
             half = math.inf if parameter.role == "assumed" else half
             low, high = interval_of(parameter, value, half)
@@ -79,18 +79,18 @@ def estimates_of(problem: Problem, chosen: Selection) -> Iterator[tuple[str, Des
 
 
 def _alternatives(rivals: Mapping[str, float]) -> tuple[tuple[Alternative, ...], float]:
-    """Rivals with their probability beside the finding, the likeliest first, and that of the finding."""
+    """Return the rivals with their probability, the likeliest first, and the probability of the finding."""
     odds = {
         name: math.exp(-min(max(loss, 0.0), 1400.0) / 2.0)
         for name, loss in sorted(rivals.items(), key=lambda one: one[1])
     }
-    whole = 1.0 + sum(odds.values())
+    total = 1.0 + sum(odds.values())
     named = tuple(
-        Alternative(effect=name, probability=chance / whole, loss=rivals[name])
+        Alternative(effect=name, probability=chance / total, loss=rivals[name])
         for name, chance in odds.items()
-        if chance / whole > _NEAR
+        if chance / total > _NEAR
     )
-    return named, 1.0 / whole
+    return named, 1.0 / total
 
 
 def _noises(problem: Problem, chosen: Selection) -> Iterator[Finding]:
@@ -119,7 +119,7 @@ def _as_effect(one: Noisy, white: float) -> DescribedEffect:
 
 def _interval(effect: DescribedEffect, one: Noisy) -> Mapping[str, Estimate]:
     ((name, value),) = effect.values.items()
-    # the growth of the variance is factor² − 1: less of its error reaches the factor
+    # the growth of the variance is factor² − 1, so the relative error of the factor is smaller
     share = one.size / (2.0 * (1.0 + one.size)) if one.effect == GROWING else 1.0
     wide = math.exp(min(Z95 * one.log_error * share, FREE))
     unit = effect.parameters[name].unit

@@ -1,6 +1,6 @@
-"""What effects say in volts or newton metres, in the unit of what was measured instead.
+"""Conversion of sentences and parameters in volts or newton metres to the unit of the measured quantity.
 
-A digital gyro states its rate, a servo its load in counts of its PWM.
+A digital gyro outputs its rate, a servo its load in counts of its PWM.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ from benchctl.diagnosis.result import Estimate, Finding, NotFound, Part, Unexpla
 _VOLTS = re.compile(r"([-+±]?)(\d[\d.]*(?:e[-+]?\d+)?) ?(mV|µV|V)\b")
 _FACTORS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6}
 _OWN = ("V", "N m", "K")
-"""Units in which effects speak."""
+"""Units that effects use in their sentences and parameters."""
 _OUTPUTS = {"drive": "the torque", "chamber": "the air's temperature"}
 
 
 def finding_in(one: Finding, unit: str) -> Finding:
-    """A finding in `unit` where its sentence and parameters were in volts of the output, or in those of a torque."""
+    """Return a finding with its sentence and parameters in `unit` instead of volts or newton metres."""
     if unit in _OWN:
         return one
     return replace(one, says=text_in(one.says, unit), parameters=estimates_in(one.parameters, unit))
 
 
 def not_found_in(one: NotFound, unit: str) -> NotFound:
-    """The same of what was not found."""
+    """Return an effect not found with its size in `unit`."""
     return one if unit in _OWN else replace(one, unit=unit_in(one.unit, unit))
 
 
 def unexplained_in(one: Unexplained, unit: str, part: Part) -> Unexplained:
-    """The same of what is unexplained; a drive or a chamber has offsets, no biases, and another output."""
+    """Return the unexplained part in `unit`; for a drive or chamber with "offset" for "bias" and its own output."""
     one = replace(one, says=said_of(one.says, part))
     if unit in _OWN:
         return one
@@ -43,14 +43,14 @@ def unexplained_in(one: Unexplained, unit: str, part: Part) -> Unexplained:
 
 
 def said_of(said: str, part: Part) -> str:
-    """What is said of a residual, in the words of its part."""
+    """Return a sentence about a residual with the terms of its part."""
     if part == "gyro":
         return said
     return said.replace("a bias", "an offset").replace("the bias", "the offset").replace("the output", _OUTPUTS[part])
 
 
 def pieces_in_time(one: Unexplained) -> Unexplained:
-    """The same where the steps are pieces that one step was cut into: what differs between them changes with time."""
+    """Return the unexplained part with "step" replaced by "time", for steps that are pieces of one recorded step."""
     coordinates = dict.fromkeys(word.replace("step", "time") for word in one.coordinates)
     says = one.says.replace("the steps", "time").replace("with the step", "with time")
     says = says.replace(" This recording does not part it from time.", "")
@@ -58,17 +58,17 @@ def pieces_in_time(one: Unexplained) -> Unexplained:
 
 
 def estimates_in(estimates: Mapping[str, Estimate], unit: str) -> Mapping[str, Estimate]:
-    """Estimates whose values stay and whose units follow."""
+    """Return the estimates with converted units; the values are unchanged."""
     return {name: replace(value, unit=unit_in(value.unit, unit)) for name, value in estimates.items()}
 
 
 def text_in(said: str, unit: str) -> str:
-    """A sentence with its voltages in another unit, to three digits, and with its torques."""
+    """Return a sentence with its voltages in another unit, to three digits, and its torque units replaced."""
     said = _VOLTS.sub(lambda found: f"{found[1]}{float(found[2]) * _FACTORS[found[3]]:.3g} {unit}", said)
     return said.replace("N·m", unit)
 
 
 def unit_in(stated: str, unit: str) -> str:
-    """The unit of a parameter: of one that begins with volts or a torque, the measured one; a supply's volts stay."""
+    """Return a parameter's unit with leading volts or torque replaced by `unit`; a supply's volts are unchanged."""
     own = next((one for one in _OWN if f"{stated} ".startswith(f"{one} ")), None)
     return stated if own is None else unit + stated.removeprefix(own)

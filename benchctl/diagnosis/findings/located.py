@@ -1,4 +1,4 @@
-"""Where a mismatch lives: the residual sliced along each coordinate, before and after, and step by step."""
+"""Where a mismatch occurs: the residual along each coordinate, before and after, and per step."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray
 
 _BINS = 41
-"""An odd number: rest, where most rows are, lies in the middle of a bin."""
+"""An odd number, so that zero rate, where most rows are, is in the middle of a bin."""
 _COARSE_BINS = 10
 _RARE = 0.0005
-"""Share of the rows at either end that is put into the outermost bin."""
+"""Share of the rows at either end that is included in the outermost bin."""
 _CHANCE = 0.01
-"""How often the mean of any bin on the whole map may be beyond chance by chance."""
+"""Probability that chance alone makes the mean of any bin of the complete map exceed the threshold."""
 _MOST_OF_EXCESS = 0.8
 
 
 def left_of(problem: Problem, fit: Fit, whitener: Whitener) -> FloatArray:
-    """What a model leaves of every row, shape (n,).
+    """Return the residual of every row, shape (n,).
 
-    Where the noise wanders that is what a prediction from the rows before leaves, of those rows that count.
+    If the noise wanders, rows that count are predicted from the rows before them.
     """
     if not whitener.slow or problem.disturbed:
         return fit.residual
@@ -40,7 +40,7 @@ def left_of(problem: Problem, fit: Fit, whitener: Whitener) -> FloatArray:
 
 
 def slices_of(problem: Problem, chosen: Selection) -> tuple[Slice, ...]:
-    """The residual's mean in bins of every coordinate that the recording varies."""
+    """Return the mean residual in bins of every coordinate that varies in the recording."""
     residuals = chosen.before.residual, left_of(problem, chosen.after, chosen.whitener)
 
     def along(coordinate: tuple[str, FloatArray]) -> Slice | None:
@@ -56,7 +56,7 @@ def slices_of(problem: Problem, chosen: Selection) -> tuple[Slice, ...]:
 def _slice_of(
     name: str, values: FloatArray, residuals: tuple[FloatArray, FloatArray], weight: FloatArray, deviation: float
 ) -> Slice | None:
-    """One coordinate's, of residuals before and after; None where it does not vary. The threshold is still missing."""
+    """Return the slice of one coordinate, without threshold, from residuals before and after; None if constant."""
     known = (weight > 0.0) & np.isfinite(values)
     edges = _edges(values[known])
     if edges is None:
@@ -78,14 +78,14 @@ def _slice_of(
 
 
 def _without_noise(name: str, problem: Problem, chosen: Selection, values: FloatArray) -> FloatArray:
-    """A coordinate as predicted where it is what is measured: noise that sorts its own residual makes a structure."""
+    """Return a coordinate, predicted if it is the measured quantity: sorting noise by itself makes a structure."""
     if name == "output":
         return chosen.after.predicted
     return np.gradient(chosen.after.predicted) / problem.interval_s if name == "chamber_temp_rate" else values
 
 
 def _edges(values: FloatArray) -> FloatArray | None:
-    """Edges of bins of values: around each where they are few whole numbers; None where they do not vary."""
+    """Return bin edges: around each value if these are few integers; None if the values do not vary."""
     if values.size == 0 or float(np.ptp(values)) == 0.0:
         return None
     if np.array_equal(values, np.rint(values)) and np.ptp(values) < _BINS:
@@ -95,7 +95,7 @@ def _edges(values: FloatArray) -> FloatArray | None:
 
 
 def where_of(problem: Problem, excess: npt.NDArray[np.float32], coordinate: str) -> Where:
-    """The ranges of a coordinate, and the steps, that hold most of an `excess` of squares, shape (n,)."""
+    """Return the ranges of a coordinate, and the steps, that hold most of an `excess` of squares, shape (n,)."""
     per_step = np.bincount(problem.step, excess, minlength=len(problem.step_names))
     steps = tuple(problem.step_names[i] for i in np.argsort(-per_step)[:3])
     values = problem.coordinates.get(coordinate.split("*")[0])
@@ -119,16 +119,16 @@ def where_of(problem: Problem, excess: npt.NDArray[np.float32], coordinate: str)
 
 
 def _joined(kept: list[int], edges: list[float]) -> tuple[tuple[float, float], ...]:
-    """The ranges of bins in increasing order, neighbours as one."""
+    """Return the ranges of bins in increasing order, with adjacent ones joined."""
     starts = [i for i in kept if i - 1 not in kept]
     stops = [i + 1 for i in kept if i + 1 not in kept]
     return tuple((edges[start], edges[stop]) for start, stop in zip(starts, stops, strict=True))
 
 
 def step_figures(problem: Problem, chosen: Selection) -> tuple[StepFigures, ...]:
-    """Every step's rms residual: by the model as it came, refitted, and with the findings.
+    """Return every step's rms residual: with the original model, refitted, and with the findings.
 
-    Of innovations, weighed by row where the noise is not of one size, as in `FitFigures`.
+    Innovations are used, weighted per row if the noise level varies, as in `FitFigures`.
     """
     came = problem.measured - problem.predict(problem.baseline_start, ())
     came = np.where(problem.usable, came, 0.0) if problem.disturbed else chosen.noise.plain(came)

@@ -1,8 +1,7 @@
-"""What was looked for and not found: of each effect the size that this recording was seen to show.
+"""Effects tested and not found: for each the size that this recording would have shown.
 
-A size is stated only where an effect of that size, put into the recording, is found again by the score that decides:
-in either direction, beside everything that is left. Where something unexplained is left nothing is excluded, for it may
-be the very effect.
+A size is stated only if an effect of that size, added to the recording, satisfies the criteria of a finding, in either
+direction and with the complete residual. If anything is unexplained, no effect is excluded, as it may be that effect.
 """
 
 from __future__ import annotations
@@ -20,18 +19,18 @@ from benchctl.side_by_side import shared_out
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 _POWER_95 = 1.645
-"""So many deviations above the threshold an effect is missed one time in twenty."""
+"""Number of deviations above the threshold at which an effect is missed once in twenty cases."""
 _LARGER = (1.0, 1.4, 2.0, 2.8, 4.0)
-"""What is not found again is tried so many times as large."""
+"""Factors by which the size is increased until the effect is detected."""
 
 
 def not_found_of(
     problem: Problem, chosen: Selection, stated: Collection[str], *, unexplained: bool
 ) -> tuple[NotFound, ...]:
-    """For each effect that is not `stated`, as a finding or its alternative, the size at which it was found again.
+    """Return the size at which each effect that is not `stated`, as finding or alternative, was detected.
 
-    Of many places the one where it shows best is meant. None where something unexplained is left, or a disturbance
-    follows what was put in.
+    Of several places the most sensitive one is used. Nothing is returned if something is unexplained, or if a
+    disturbance would follow the added effect.
     """
     if unexplained or problem.disturbed:
         return ()
@@ -44,12 +43,12 @@ def not_found_of(
         size = one.probe.sizes[0] * level / math.sqrt(power)
         if kind.identifier not in best or size < best[kind.identifier][0]:
             best[kind.identifier] = size, one
-    looked = shared_out(lambda one: _recovered(problem, chosen, one[1].probe, one[0]), list(best.values()))
-    return tuple(one for one in looked if one is not None)
+    recovered = shared_out(lambda one: _recovered(problem, chosen, one[1].probe, one[0]), list(best.values()))
+    return tuple(one for one in recovered if one is not None)
 
 
 def unseen_in(chosen: Selection, stated: Collection[str]) -> Iterator[str]:
-    """A sentence on the effects that no size of would show, and why; nothing where there is none."""
+    """Yield a sentence on the effects that would not show at any size, and why; nothing if there are none."""
     of_kind: dict[str, list[Scored]] = {}
     for one in chosen.screening.scored:
         if one.probe.sizes and one.probe.identifier not in stated:
@@ -68,7 +67,7 @@ def _needs(one: Scored) -> str:
 
 
 def _recovered(problem: Problem, chosen: Selection, probe: Probe, size: float) -> NotFound | None:
-    """The smallest size from this one on at which an injected effect is found again; None where none is."""
+    """Return the smallest size, from `size` on, at which an injected effect is detected; None if there is none."""
     kind = probe.kind
     name = next(name for name, parameter in kind.parameters.items() if parameter.role == "size")
     injection = Injection.of(problem, chosen, probe)
@@ -90,7 +89,7 @@ def _recovered(problem: Problem, chosen: Selection, probe: Probe, size: float) -
 
 
 def _of_size(probe: Probe, name: str, size: float) -> Iterator[DescribedEffect]:
-    """The effect of a size in each direction that it can have; none where its range does not hold the size."""
+    """Yield the effect of a size in each direction that it can have; none if its range excludes the size."""
     parameter = probe.kind.parameters[name]
     first = probe.columns[0].values
     phase = next((other for other, one in probe.kind.parameters.items() if one.role == "phase"), None)

@@ -1,4 +1,4 @@
-"""Short excerpts for the picture: where the models before and after differ most, and where samples are spoilt."""
+"""Short excerpts for the plot: where the models before and after differ most, and where samples are spoilt."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from benchctl_instruments.arrays import FloatArray
 _LASTS_S = 3.0
 _FEWEST, _MOST = 60, 600
 _SHORTEST = 20
-"""Rows of an excerpt: of slow samples more time is shown, of fast ones less; a step with fewer rows tells nothing."""
+"""Length of an excerpt in rows: longer for slow samples, shorter for fast ones; shorter steps are not shown."""
 _COUNT = 3
 _WORTH = 0.1
-"""Share of the largest difference that one in a held-out step, or of another kind, must reach to be shown instead."""
+"""Share of the largest difference that one in a held-out step, or of another kind, needs to be preferred."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +32,11 @@ class _Window:
 
 
 def traces_of(problem: Problem, chosen: Selection, faults: Sequence[Fault] = ()) -> tuple[Trace, ...]:
-    """Up to three excerpts, of different kinds of steps where that tells enough, of held-out steps where these do.
+    """Return up to three excerpts, preferably from steps of different kinds and from held-out steps.
 
-    One shows the spoilt rows of each kind of `faults`; the others where before and after differ most or, where nothing
-    was found that changes a prediction, where most is left. A wandering bias is followed from sample to sample:
-    `after` is then what was predicted of each from those before.
+    One shows the spoilt rows of each kind of `faults`; the others are where before and after differ most or, if no
+    finding changes the prediction, where the residual is largest. A wandering bias is followed from sample to sample:
+    `after` is then the prediction of each sample from those before it.
     """
     before = problem.measured - chosen.before.residual
     after = problem.measured - left_of(problem, chosen.after, chosen.whitener)
@@ -61,7 +61,7 @@ def traces_of(problem: Problem, chosen: Selection, faults: Sequence[Fault] = ())
 
 
 def _changed(chosen: Selection) -> bool:
-    """Whether something was found that changes what is predicted."""
+    """Return whether any finding changes the prediction."""
     return bool(chosen.after.point.effects or chosen.noise.found)
 
 
@@ -70,23 +70,23 @@ def _by_score(one: _Window) -> float:
 
 
 def _chosen(problem: Problem, chosen: Selection, windows: list[_Window], count: int) -> list[_Window]:
-    """The best of them, those of held-out steps first; a further one of a kind counts only as much as `_WORTH`."""
+    """Return the best windows, held-out steps first; a second one of a kind counts only `_WORTH` of its score."""
     least = _WORTH * max((one.score for one in windows), default=0.0)
     held = [one for one in windows if chosen.heldout[one.step] and one.score > least]
-    left = held or windows
+    remaining = held or windows
     picked: list[_Window] = []
-    while left and len(picked) < count:
+    while remaining and len(picked) < count:
         kinds = {problem.step_kinds[one.step] for one in picked}
-        best = max(left, key=lambda one: one.score * (_WORTH if problem.step_kinds[one.step] in kinds else 1.0))
+        best = max(remaining, key=lambda one: one.score * (_WORTH if problem.step_kinds[one.step] in kinds else 1.0))
         picked.append(best)
-        left = [one for one in left if one is not best]
+        remaining = [one for one in remaining if one is not best]
     return picked
 
 
 def _windows(problem: Problem, score: FloatArray, *, edges: bool = False) -> Iterator[_Window]:
-    """Of every step the stretch of rows with the largest sum of a score (n,); with `edges` not one that is full of it.
+    """Yield each step's window of rows with the largest sum of a score (n,), if any row of the step scores.
 
-    A step in which nothing scores has none.
+    With `edges`, a window in which every row scores is excluded.
     """
     usual = min(max(round(_LASTS_S / problem.interval_s), _FEWEST), _MOST)
     bounds = np.searchsorted(problem.step, np.arange(len(problem.step_names) + 1)).tolist()

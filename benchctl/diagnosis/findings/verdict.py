@@ -1,4 +1,4 @@
-"""The verdict: what a recording says of its lab's model, in a word and in a sentence."""
+"""The verdict: the agreement of a recording with the lab's model, as one word and as a sentence."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from benchctl.signals.normal import Z95
 
 _MOVED_ERRORS = 5.0
 _MOVED_SHARE = 1e-4
-"""A parameter has moved beyond five standard errors and beyond 1e-4 of the scale factor or of full scale."""
+"""A parameter has changed if it differs by five standard errors and by 1e-4 of scale factor or full scale."""
 
 
 def baseline_of(problem: Problem, chosen: Selection) -> dict[str, Estimate]:
-    """The parameters of the lab's model, refitted; `was` where a lab believed in other values.
+    """Return the refitted parameters of the lab's model; `was` is the lab's previous value, if any.
 
-    An interval ends where what is plausible does. Of what the recording does not show at all it has no other ends, and
-    none where a lab's model states the parameter.
+    An interval is limited to the plausible range. A parameter that the recording does not determine has an interval
+    equal to that range, or an unlimited one if a lab's model states the parameter.
     """
     errors = (Z95 * np.sqrt(np.diag(chosen.whole.robust_covariance(problem.step)))).tolist()
     errors = [error if error > 0.0 else math.inf for error in errors]
@@ -51,7 +51,7 @@ def baseline_of(problem: Problem, chosen: Selection) -> dict[str, Estimate]:
 def verdict_of(
     problem: Problem, findings: Sequence[Finding], unexplained: Unexplained, baseline: Mapping[str, Estimate]
 ) -> Verdict:
-    """Missing physics before an unknown structure, that before moved parameters."""
+    """Return the verdict: missing physics takes precedence over unknown structure, that over changed parameters."""
     if findings:
         return "missing-physics"
     if unexplained.significant:
@@ -67,12 +67,12 @@ def verdict_of(
 
 
 def sentence_of(verdict: Verdict, findings: Sequence[Finding], unexplained: Unexplained) -> str:
-    """The verdict for someone who was not there."""
-    said = [one.says for one in findings]
+    """Return the verdict as a sentence that needs no knowledge of the recording."""
+    sentences = [one.says for one in findings]
     if unexplained.significant:
-        said.append(unexplained.says)
-    if said:
-        return " ".join(said)
+        sentences.append(unexplained.says)
+    if sentences:
+        return " ".join(sentences)
     if verdict == "recalibrate":
         return "No physics is missing; the model's own parameters have moved and want recalibrating."
     return "The model agrees with the recording to within its noise."

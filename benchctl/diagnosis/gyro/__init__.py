@@ -1,1 +1,1 @@
-"""The gyro as a problem for the engine: the lab's model on the samples of a recording, or on a table of points."""
+"""The gyro as a diagnosis problem: the lab's model for the samples of a recording, or for a table of points."""

@@ -1,4 +1,4 @@
-"""Linear filters and shifts in time of band-limited samples: exact as products in frequency, and as splines."""
+"""Linear filters and time shifts of band-limited samples: exact as products in frequency, and by splines."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _LEAST_S, _LONGER, _MOST_S = 0.25, 4.0, 60.0
 _KEPT = 3
 _DEGREE = 5
 _TOGETHER = 1 << 19
-"""So many samples are filtered at once."""
+"""Number of samples that are filtered at once."""
 
 
 class Filters:
-    """Linear filters of equidistant samples, a stretch of them each; what is in no stretch stays as it is.
+    """Linear filters for equidistant samples of each stretch; samples outside all stretches are unchanged.
 
-    The spectra of what was filtered last are kept: many filters are tried on one signal. Several threads may ask.
+    The spectra of the last filtered signals are kept, as many filters are applied to one signal. Thread-safe.
     """
 
     def __init__(self, stretches: Sequence[slice], interval_s: float) -> None:
@@ -34,7 +34,7 @@ class Filters:
         self._kept: list[tuple[FloatArray, int, list[ComplexArray]]] = []
 
     def __call__(self, values: FloatArray, effect: FilterEffect) -> FloatArray:
-        """Values (n,), which nobody changes any more, through a filter."""
+        """Filter values (n,), which must not be modified afterwards."""
         padding = self._padding(effect.memory_s)
         spectra = iter(self._spectra(values, padding))
         passed = values.copy()
@@ -47,12 +47,12 @@ class Filters:
         return passed
 
     def _padding(self, memory_s: float) -> int:
-        """Samples until a filter has forgotten, one of a few numbers: so filters share their spectra."""
+        """Return the samples until a filter has decayed, from a few fixed numbers, so that filters share spectra."""
         steps = math.ceil(math.log(max(memory_s, _LEAST_S) / _LEAST_S, _LONGER))
         return int(min(_LEAST_S * _LONGER**steps, _MOST_S) / self._interval_s) + 2 * _TURNED_ROWS
 
     def _batches(self, padding: int) -> Iterator[tuple[int, int, list[slice]]]:
-        """Stretches of one length each, a batch at a time, with the size of their transforms."""
+        """Yield stretches of equal length in batches, with the length and the size of their transforms."""
         for length, alike in self._by_length.items():
             size = scipy.fft.next_fast_len(length + 2 * padding, real=True)
             many = max(1, _TOGETHER // size)
@@ -72,12 +72,12 @@ class Filters:
 
 
 def spline_at(values: FloatArray, place: FloatArray) -> FloatArray:
-    """Equidistant values at places between them, shape (n,)."""
+    """Interpolate equidistant values at fractional indices, shape (n,)."""
     if values.size <= _DEGREE:
         return values
     line = np.linspace(values[0], values[-1], values.size)
-    coefficients = spline_filter1d(values - line, _DEGREE, mode="mirror")  # type: ignore[call-overload]  # the stubs know only lists
-    between: FloatArray = map_coordinates(  # type: ignore[call-overload]  # the stubs know no list of coordinates
+    coefficients = spline_filter1d(values - line, _DEGREE, mode="mirror")  # type: ignore[call-overload]  # the stubs declare only lists
+    between: FloatArray = map_coordinates(  # type: ignore[call-overload]  # the stubs declare no list of coordinates
         coefficients, [place], order=_DEGREE, mode="mirror", prefilter=False
     )
     slope = (values[-1] - values[0]) / max(values.size - 1, 1)
@@ -86,9 +86,9 @@ def spline_at(values: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _endless(x: FloatArray, size: int) -> FloatArray:
-    """Periods, shape (k, size), that begin with x (k, n) and come back to the begin without a jump or a kink.
+    """Return periods, shape (k, size), that start with x (k, n) and return to its start without a jump or a kink.
 
-    Beyond its ends x is turned about them and dies away: a kink there would ring at half the sample rate all along.
+    Beyond its ends x is continued point-symmetrically and fades out: a kink would ring at half the sample rate.
     """
     count = x.shape[1]
     reach = min(_TURNED_ROWS, count - 1)

@@ -1,4 +1,4 @@
-"""A recording of a gyro laid out for a diagnosis: one row a sample, every signal that the model is made of."""
+"""A gyro's recording as a frame for a diagnosis: one row per sample, with every signal that the model uses."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from benchctl_instruments.physics.structure_places import CHAMBER_C, LEAST_TURNI
 
 _FEWEST_ROWS = 2000
 _LEAST_AIR_C = 1.0
-"""Less is noise and control: such air says nothing."""
+"""Minimum change of the chamber's air; smaller changes are noise and control, and contain no information."""
 
 _STEADY, _STEADY_S = 0.05, 0.5
-"""A rate that changes by no more than such a share in so long is steady: a table that then stops does not turn back."""
+"""Maximum relative change of a steady rate, and its duration; a table that stops from it does not turn back."""
 _SAME_ANGLE_DEG = 0.01
 
 _UNEVEN, _MOST_UNEVEN = 0.1, 0.01
-"""Share of an interval that a stamp may be off, and share of the stamps that may be off by more."""
+"""Maximum deviation of a time stamp as a share of the interval, and maximum share of stamps that exceed it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """All samples of a recording in order; arrays of shape (n,).
 
-    `step` is the index into `infos` of a row's step; `stretches` are the parts without gaps, `motions` theirs;
-    `origins_s` is when the recording began that a stretch belongs to, where several were joined.
-    `time_s` counts from the start of the first. `temp_c` is the gyro's thermistor, smoothed; `thermistor` says what it
-    is where the gyro has none. `pauses` are what the thermistor did before a stretch, where something is known of it.
-    `filled` rows were never measured, and so many were `left_out` of a recording that has too many. Where the motion
-    goes `beyond` the band of the filters, the wide one made all of it.
+    `step` is the index of a row's step in `infos`; `stretches` are the parts without gaps, `motions` their motions;
+    `origins_s` are the start times of the joined recordings that the stretches belong to. `time_s` starts at the first
+    recording. `temp_c` is the gyro's thermistor, smoothed; `thermistor` names the channel used, if the gyro has none.
+    `pauses` are the thermistor readings before a stretch, if known. `filled` rows were not measured; `left_out` is the
+    number of rows omitted from a very long recording. If the motion goes `beyond` the band of the filters, the wide
+    filter was used for all of it.
     """
 
     infos: tuple[StepInfo, ...]
@@ -75,17 +75,17 @@ class Frame:
 
 
 def turned_unseen(frame: Frame) -> BoolArray:
-    """Rows of rests before which the table turned in an unknown direction, shape (n,).
+    """Return a mask, shape (n,), of rows at rest before which the table turned in an unknown direction.
 
-    Motion between the stretches is not recorded. A table that turned steadily just before stopped without turning back;
-    one that was at rest at the same angle did not turn. Until the table turns again the direction stays unknown.
+    Motion between stretches is not recorded. A table that turned steadily just before stopped without turning back; one
+    that was at rest at the same angle did not turn. Otherwise the direction is unknown until the table turns again.
     """
     unseen = np.zeros(frame.rows, np.bool_)
     last = max(round(_STEADY_S / frame.interval_s), 1)
     known, before, origin_s = False, slice(0, 0), math.nan
-    for part, its_origin_s in zip(frame.stretches, frame.origins_s, strict=True):
+    for part, part_origin_s in zip(frame.stretches, frame.origins_s, strict=True):
         turning = np.abs(frame.rate_dps[part]) > LEAST_TURNING_DPS
-        if its_origin_s != origin_s:
+        if part_origin_s != origin_s:
             known = False
         else:
             ended_dps = frame.rate_dps[max(before.stop - last, before.start) : before.stop]
@@ -96,16 +96,16 @@ def turned_unseen(frame: Frame) -> BoolArray:
         if not known:
             unseen[part] = ~np.logical_or.accumulate(turning)
         known = known or bool(turning.any())
-        before, origin_s = part, its_origin_s
+        before, origin_s = part, part_origin_s
     return unseen
 
 
 def frame_of(recording: Recording, *, temperature_c: float | None = None, most: int | None = None) -> Frame:
-    """Read a recording into a frame; `temperature_c` is taken where neither gyro nor chamber has a thermometer.
+    """Read a recording into a frame; `temperature_c` is used if neither gyro nor chamber has a thermometer.
 
-    Of a recording with more rows than `most` so many are taken.
+    From a recording with more rows than `most`, so many rows are sampled.
 
-    Raises `UsageError` where it has no scans of encoder and gyro, or too few of them, or they cannot be used.
+    Raises `UsageError` if it has too few scans of encoder and gyro, or if they are not usable.
     """
     taken = subsample_of(recording, most)
     steps = taken.steps
@@ -166,15 +166,15 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
 def _end_to_end(
     motions: Sequence[Motion], stretches: Sequence[slice]
 ) -> tuple[dict[str, FloatArray], tuple[Motion, ...]]:
-    """The motions of all stretches in one row, by name, and each as a part of it, so that they are held but once."""
+    """Concatenate the motions of all stretches, by name, and return each motion as views of these arrays."""
     names = ("angle_deg", "rate_dps", "acceleration_dps2", "sudden")
-    whole = {name: np.concatenate([getattr(motion, name) for motion in motions]) for name in names}
+    series = {name: np.concatenate([getattr(motion, name) for motion in motions]) for name in names}
 
     def part(motion: Motion, rows: slice) -> Motion:
-        own: dict[str, Any] = {name: values[rows] for name, values in whole.items()}
+        own: dict[str, Any] = {name: values[rows] for name, values in series.items()}
         return replace(motion, **own)
 
-    return whole, tuple(map(part, motions, stretches))
+    return series, tuple(map(part, motions, stretches))
 
 
 def _channels_of(recording: Recording) -> str:
@@ -195,9 +195,9 @@ def _require_finite(recording: Recording, steps: Sequence[Step]) -> None:
 
 
 def _require_even(recording: Recording, time_s: FloatArray, interval_s: float) -> None:
-    """Raise `UsageError` where the stamps are not those of one clock."""
+    """Raise `UsageError` if the time stamps are not those of a single clock."""
     apart = np.diff(time_s)
-    inside = apart[apart <= (1.0 + TOLERANCE) * interval_s]  # of two rates the faster one counts as uneven
+    inside = apart[apart <= (1.0 + TOLERANCE) * interval_s]  # with two rates, the faster one counts as uneven
     uneven = float(np.mean(np.abs(inside - interval_s) > _UNEVEN * interval_s)) if interval_s > 0.0 else 1.0
     if uneven > _MOST_UNEVEN:
         raise UsageError(
@@ -209,7 +209,7 @@ def _require_even(recording: Recording, time_s: FloatArray, interval_s: float) -
 def _thermistors(
     recording: Recording, taken: Subsample, origins_s: Sequence[float], temperature_c: float | None
 ) -> tuple[str, Mapping[float, Thermistor]]:
-    """What the gyro's temperature was read from, and that temperature by when the recording began that has it."""
+    """Return the channel of the gyro's temperature, and the temperature by start time of the joined recordings."""
     name = taken.thermometer
     if not name and temperature_c is None:
         raise UsageError(
@@ -240,7 +240,7 @@ def _pauses(
     origins_s: Sequence[float],
     thermistors: Mapping[float, Thermistor],
 ) -> Iterator[Pause | None]:
-    """What is known of the time before each stretch, since the one before it or since the first poll."""
+    """Yield the known temperatures before each stretch, since the previous stretch or the first poll; else None."""
     for i, (part, at) in enumerate(zip(stretches, origins_s, strict=True)):
         begins = i == 0 or origins_s[i - 1] != at
         since_s = thermistors[at].begin_s if begins else float(time_s[stretches[i - 1].stop - 1])
@@ -248,7 +248,7 @@ def _pauses(
 
 
 def _climate(infos: Sequence[StepInfo], time_s: FloatArray, air_c: FloatArray) -> dict[str, FloatArray]:
-    """The chamber's air without its noise, and the way of its set point, at the rows; what is known of them."""
+    """Return the chamber's air without noise, and the sign of its set point's change, at the rows, if known."""
     known = np.isfinite(air_c)
     if not known.any() or float(np.ptp(air_c[known])) < _LEAST_AIR_C:
         return {}
@@ -258,7 +258,7 @@ def _climate(infos: Sequence[StepInfo], time_s: FloatArray, air_c: FloatArray) -
 
 
 def _air(step: Step) -> FloatArray:
-    """The chamber's air at the scans; as it was polled where no scan has it; NaN where nothing has."""
+    """Return the chamber's air at the scans, interpolated from polls if no scan has it; NaN if neither exists."""
     if AIR in step.channels:
         return step[AIR]
     polled, times = step.channels.get(f"poll_{AIR}"), step.channels.get("poll_time_s")

@@ -1,7 +1,7 @@
-"""A recording's frame with fewer rows, for a first look: a few pieces of a stretch, more of a long one.
+"""A reduced frame for a first search: a few pieces of each stretch, more of a long one.
 
-What happened in between is known to whatever remembers the temperature: each piece begins behind a pause in which the
-thermistor did what it did in the rows that were left out.
+Effects that remember the temperature need the time in between: each piece starts after a pause that holds the
+thermistor readings of the omitted rows.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ _ALONG = ("time_s", "step", "encoder_deg", "angle_deg", "rate_dps", "acceleratio
 _OF_AIR = ("temp_c", "temp_rate_c_per_s", "chamber_c")
 _OF_MOTION = ("angle_deg", "rate_dps", "acceleration_dps2", "sudden")
 _POINT_S, _MOST_POINTS = 1.0, 2000
-"""Between two points of a pause, and how many it has at most."""
+"""Interval of the points of a pause, and their maximum number."""
 _MOST_PIECES = 500
-"""What has to be done for each piece takes longer than its rows; a campaign of weeks has thousands of steps."""
+"""Maximum number of pieces: the work per piece exceeds that of its rows, and long campaigns have thousands of steps."""
 
 
 def pieces_of(frame: Frame, length: int) -> list[tuple[int, slice]]:
-    """Stretch and rows of the pieces, each of `length` rows or all that a step has in a stretch.
+    """Return stretch and rows of the pieces, each of `length` rows, or fewer if the step is shorter.
 
-    They are half as many as the root of what there is room for: ten times as long, three times as many. Of too many
-    some are taken by lot, always the same: every other one might be all that turn to the left.
+    Their number per stretch is half the square root of the number that would fit: for ten times the length, three times
+    as many. If there are too many, a reproducible random sample is used; every other piece might turn the same way.
     """
     pieces = [
         (stretch, slice(first, min(first + length, rows.stop)))
-        for stretch, whole in enumerate(frame.stretches)
-        for rows in _of_one_step(frame, whole)
+        for stretch, part in enumerate(frame.stretches)
+        for rows in _of_one_step(frame, part)
         for first in _begins(rows, length)
     ]
     if len(pieces) <= _MOST_PIECES:
@@ -52,7 +52,7 @@ def _of_one_step(frame: Frame, stretch: slice) -> Iterator[slice]:
 
 
 def _begins(rows: slice, length: int) -> Iterator[int]:
-    """Where the pieces of some rows begin: evenly, from the first row on to the last."""
+    """Yield the starts of the pieces of some rows, evenly spaced from the first row to the last."""
     spare = rows.stop - rows.start - length
     count = max(1, math.ceil(0.5 * math.sqrt((spare + length) / length)))
     for place in range(count):
@@ -60,7 +60,7 @@ def _begins(rows: slice, length: int) -> Iterator[int]:
 
 
 def thinned(frame: Frame, pieces: list[tuple[int, slice]]) -> tuple[Frame, IntArray]:
-    """The frame of these pieces of its stretches, of one recording, in their order, and which rows they are, (m,)."""
+    """Return the frame of these pieces of one recording, in their order, and the indices of their rows, (m,)."""
     rows = np.concatenate([np.arange(piece.start, piece.stop) for _, piece in pieces])
     ends = np.cumsum([piece.stop - piece.start for _, piece in pieces]).tolist()
     stretches = tuple(slice(first, last) for first, last in zip([0, *ends[:-1]], ends, strict=True))
@@ -85,7 +85,7 @@ def thinned(frame: Frame, pieces: list[tuple[int, slice]]) -> tuple[Frame, IntAr
 
 
 def _pauses(frame: Frame, pieces: list[tuple[int, slice]]) -> Iterator[Pause | None]:
-    """The pause before each piece: the frame's own where no row was left out, else what all its rows know of it."""
+    """Yield the pause before each piece: the frame's own if no row was omitted, else interpolated from all rows."""
     known = [pause for pause in frame.pauses if pause is not None]
     time_s = np.concatenate([frame.time_s, *(pause.time_s for pause in known)])
     order = np.argsort(time_s, kind="stable")

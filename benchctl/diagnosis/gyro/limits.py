@@ -1,4 +1,4 @@
-"""What a recording of a gyro cannot show, whatever is done with it: said in sentences, never guessed around."""
+"""What a recording of a gyro cannot show: reported in sentences, without guesses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchctl.signals.free_band import Band
 from benchctl.signals.rate import NARROW, edges_hz
 
 _TURNING_DPS = 0.05
-"""Below it a table is taken to rest: an encoder's noise makes hundredths of a degree a second."""
+"""Rate below which a table counts as at rest: the encoder's noise makes hundredths of a degree per second."""
 
 _REST_S = 1.0
 _SPAN_C = 2.0
@@ -25,7 +25,7 @@ _SECTOR_DEG = 5.0
 
 
 def at_rest(frame: Frame) -> Frame:
-    """The frame with no rate at all where the table never turns: what is left is noise, and would be taken for one."""
+    """Return the frame with zero rate if the table never turns; otherwise noise would be taken for a rate."""
     if _turns(frame):
         return frame
     still = np.zeros_like(frame.rate_dps)
@@ -35,12 +35,12 @@ def at_rest(frame: Frame) -> Frame:
 def limits_of(
     frame: Frame, simulation: Mapping[str, Any], band: Band | None, encoder_step_deg: float
 ) -> tuple[str, ...]:
-    """The sentences; `encoder_step_deg` is the encoder's step, 0 where it is not known."""
+    """Return the sentences; `encoder_step_deg` is the encoder's step, 0 if it is unknown."""
     return (*_limits(frame, simulation, band), *_coarse(frame, simulation, encoder_step_deg))
 
 
 def not_all_rows(frame: Frame) -> tuple[str, ...]:
-    """A sentence where rows of a recording were left out, none where there are no more."""
+    """Return a sentence if rows of the recording were left out, else an empty tuple."""
     if not frame.left_out:
         return ()
     return (
@@ -50,7 +50,7 @@ def not_all_rows(frame: Frame) -> tuple[str, ...]:
 
 
 def _coarse(frame: Frame, simulation: Mapping[str, Any], step_deg: float) -> Iterator[str]:
-    """Whether the steps of an encoder may look like physics.
+    """Yield a sentence if the steps of an encoder can look like physical effects.
 
     At a steady rate they beat with the samples. The first harmonic of the staircase has the amplitude step/π; a beat at
     the edge f of the filter's pass band makes it a rate of 2·step·f, a slower one less.
@@ -71,9 +71,9 @@ def _turns(frame: Frame) -> bool:
 
 
 def _seen_deg(frame: Frame) -> float:
-    """Over how much of the turn the encoder was read."""
-    seen = np.unique(np.mod(frame.encoder_deg, _TURN_DEG) // _SECTOR_DEG)
-    return float(seen.size * _SECTOR_DEG)
+    """Return the part of the turn over which the encoder was read [deg]."""
+    sectors = np.unique(np.mod(frame.encoder_deg, _TURN_DEG) // _SECTOR_DEG)
+    return float(sectors.size * _SECTOR_DEG)
 
 
 def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> Iterator[str]:
@@ -85,9 +85,9 @@ def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> I
         )
     elif float(np.sum(np.abs(frame.rate_dps) < _TURNING_DPS)) * frame.interval_s < _REST_S:
         yield "The table never rests in this recording: the bias is known from its motion alone."
-    if _turns(frame) and (seen := _seen_deg(frame)) < _TURN_DEG:
+    if _turns(frame) and (deg := _seen_deg(frame)) < _TURN_DEG:
         yield (
-            f"The encoder was read over {seen:.0f}° of its turn only, so its own scale is not tested: if its degrees"
+            f"The encoder was read over {deg:.0f}° of its turn only, so its own scale is not tested: if its degrees"
             " are too small or too large by a share, that looks exactly like a K0 that is wrong by the same share."
         )
     if not frame.thermistor:

@@ -1,4 +1,4 @@
-"""What a lab believes of its gyro, checked before anything is computed with it."""
+"""Validation of the lab's model of a gyro, before any computation."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _NUMBERS = ("K0_v_per_dps", "U0_v", "T0_c")
 _LISTS = ("k_T", "k_omega")
 _MOST_TERMS = 6
 _UNIT_SCALE = 5.0
-"""By how much at most a digital gyro's scale factor, a pure number, may be off one."""
+"""Maximum factor between the scale factor of a digital gyro, a pure number, and 1."""
 
 
 def checked_model(simulation: Mapping[str, Any], *, where: str, digital: bool = False) -> Mapping[str, Any]:
-    """The model, if it says what the gyro should put out; further fields are let be.
+    """Return the model if it defines the gyro's output; additional fields are allowed.
 
-    `digital` is a gyro whose output is a rate: its K0 is then a number near 1 or -1. Raises `UsageError` that names
-    the field, what was expected of it, and what is there.
+    `digital` is a gyro whose output is a rate: its K0 is then near 1 or -1. Raises `UsageError` with the field, the
+    expected value, and the actual value.
     """
     for name in _NUMBERS:
         if name not in simulation:

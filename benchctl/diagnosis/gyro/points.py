@@ -1,8 +1,8 @@
-"""A table of static points as a problem for the engine: means of the gyro's output at commanded rates, no samples.
+"""A table of static points as a diagnosis problem: mean outputs of the gyro at commanded rates, without samples.
 
-Means of seconds hold no noise to speak of: what they scatter by is the bench's, from point to point, and is estimated
-from what a model leaves. A point is a step of its own, so that whole points are held out. Only laws that answer to a
-steady rate can be seen; nobody recorded when, or how the table came there.
+Means over seconds have negligible noise: their scatter is that of the bench from point to point, and is estimated from
+the residual of a model. Each point is a step, so that complete points are held out. Only laws that depend on a steady
+rate are observable; when the points were taken, and how the table reached them, was not recorded.
 """
 
 from __future__ import annotations
@@ -47,17 +47,17 @@ _FEWEST = 12
 _FEWEST_RATES = 5
 _SPAN_C = 2.0
 _RATE_ERROR = 1e-3
-"""Share of the largest rate to which commanded ones are taken to be right, as rate tables are specified."""
+"""Assumed error of commanded rates as a share of the largest rate, as in specifications of rate tables."""
 _ODD = 0.001
-"""How often chance may put the points at rest so far from the model through all."""
+"""Probability of the deviation at rest below which it is reported as unexplained."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PointsProblem(Stepped):
-    """A `benchctl.estimation.problem.Problem`: mean volts from commanded rates, a row a point.
+    """A `benchctl.estimation.problem.Problem`: mean volts from commanded rates, one row per point.
 
-    `simulation` is the lab's model, or the straight line through the points where there is none (`believed` says).
-    Points at which the gyro is `overloaded` (n,) are not fitted.
+    `simulation` is the lab's model or, if `believed` is false, the straight line through the points. Points at which
+    the gyro is `overloaded` (n,) are not fitted.
     """
 
     points: StaticPoints
@@ -72,7 +72,7 @@ class PointsProblem(Stepped):
 
     @cached_property
     def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
-        """None: a commanded rate has no noise; (n,) each."""
+        """Zeros, (n,) each: a commanded rate has no noise."""
         return np.zeros(self.step.size), np.zeros(self.step.size)
 
     @property
@@ -82,32 +82,32 @@ class PointsProblem(Stepped):
 
     @property
     def full_scale(self) -> float:
-        """The line's output at the rated range, or at the highest rate where that is not known."""
+        """The line's output at the rated range, or at the highest rate if that is unknown."""
         return abs(float(self.simulation["K0_v_per_dps"])) * self.range_dps
 
     @cached_property
     def time_s(self) -> FloatArray:
-        """The number of a point, in place of a time: nobody recorded when it was."""
+        """The number of a point in place of its time, which was not recorded."""
         return np.arange(self.points.rate_dps.size, dtype=np.float64)
 
     @property
     def interval_s(self) -> float:
-        """From one to the next."""
+        """Distance from one point to the next."""
         return 1.0
 
     @property
     def stretches(self) -> tuple[slice, ...]:
-        """All of them in one."""
+        """One stretch with all points."""
         return (slice(0, self.points.rate_dps.size),)
 
     @cached_property
     def step(self) -> IntArray:
-        """Each is a step."""
+        """Each point is a step."""
         return np.arange(self.points.rate_dps.size)
 
     @cached_property
     def steps(self) -> tuple[StepInfo, ...]:
-        """What they are."""
+        """The points as steps."""
         runs = self.points.run
         return tuple(
             StepInfo(
@@ -124,19 +124,19 @@ class PointsProblem(Stepped):
 
     @cached_property
     def usable(self) -> BoolArray:
-        """Points whose mean is a number, and at which the gyro is not overloaded."""
+        """Points with a finite mean, at which the gyro is not overloaded."""
         known = np.isfinite(self.points.mean_v) & np.isfinite(self.points.rate_dps)
         return known if self.overloaded is None else known & ~self.overloaded
 
     @property
     def rate_error_v(self) -> float:
-        """What commanded rates may be wrong by at most, as output."""
+        """Maximum error of commanded rates, as output."""
         largest = float(np.abs(self.points.rate_dps[self.usable]).max())
         return _RATE_ERROR * largest * abs(_line(*self.following)["K0_v_per_dps"])
 
     @cached_property
     def end(self) -> PointsEnd | None:
-        """How the table ends; None where all points follow one law."""
+        """The end of the table's range; None if all points follow one law."""
         return PointsEnd.of(self.points)
 
     @cached_property
@@ -147,7 +147,7 @@ class PointsProblem(Stepped):
 
     @cached_property
     def baseline_units(self) -> tuple[str, ...]:
-        """Their units."""
+        """Units of the parameters."""
         temperature = [f"°C^-{i + 1}" for i in range(self.law.temperature_terms)]
         rate = [f"(°/s)^-{2 * i + 2}" for i in range(self.law.rate_terms)]
         return (f"{self.unit}/(°/s)", self.unit, *temperature, *rate)
@@ -165,13 +165,13 @@ class PointsProblem(Stepped):
 
     @cached_property
     def effects(self) -> Mapping[str, type[DescribedEffect]]:
-        """The laws of a steady rate, and of temperature where the points have several."""
+        """The laws of a steady rate, and those of temperature if the points have several temperatures."""
         names = _LAWS + (_LAWS_OF_TEMPERATURE if self._temperatures_vary else ())
         return {name: kind for name, kind in effects().items() if name in names and name not in self.without}
 
     @cached_property
     def coordinates(self) -> Mapping[str, FloatArray]:
-        """Rate, its size and sign, output; temperature where it is known."""
+        """Rate, its magnitude and sign, output; temperature if it is known."""
         rate = self.points.rate_dps
         known = {
             "rate": rate,
@@ -182,7 +182,7 @@ class PointsProblem(Stepped):
         return known if self.points.temperature_c is None else {**known, "gyro_temp": self.points.temperature_c}
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """Volts, shape (n,)."""
+        """Return the predicted volts, shape (n,)."""
         signals = self._signals()
         for stage in ("sensed_rate", "scale", "bias", "electronics"):
             if stage == "scale":
@@ -195,7 +195,7 @@ class PointsProblem(Stepped):
         return signals.output_v
 
     def matters(self, name: str, change: float) -> float:
-        """Of the bias a share of full scale, of the others one of the scale factor, at the edge of the points."""
+        """Return a change of the bias as a share of full scale, others as a share of scale factor at the edge."""
         if name == "U0_v":
             return abs(change) / self.full_scale
         if name == "K0_v_per_dps":
@@ -205,7 +205,7 @@ class PointsProblem(Stepped):
         return abs(change) * (away_c if name.startswith("k_T") else self.range_dps) ** power
 
     def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
-        """The tables `simulation` and `effects`; `noise` is the scatter of a point, not that of a sample."""
+        """Return the tables `simulation` and `effects`; `noise` is the scatter of a point, not of a sample."""
         values, split = baseline.tolist(), 2 + self.law.temperature_terms
         simulation = {
             "K0_v_per_dps": values[0],
@@ -219,7 +219,7 @@ class PointsProblem(Stepped):
         return {"simulation": simulation, "effects": tables_of(effects)}
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
-        """What points cannot show, how they scatter, and what those at rest do."""
+        """Return remarks on what points cannot show, on their scatter, and on the points at rest."""
         del before, heldout
         return tuple(self._remarks(after))
 
@@ -279,27 +279,27 @@ class PointsProblem(Stepped):
 
 
 def _at_rest(rest: FloatArray, turning: FloatArray, simulation: Mapping[str, Any], unit: str) -> Iterator[str]:
-    """Whether the points at rest lie where the turning ones say; residuals of shape (r,) and (m,)."""
+    """Yield whether the points at rest agree with the turning ones; residuals of shape (r,) and (m,)."""
     if not rest.size or turning.size < _FEWEST_RATES:
         return
     away, deviation = float(rest.mean() - turning.mean()), float(turning.std(ddof=1))
     error = deviation * math.sqrt(1.0 / rest.size + 1.0 / turning.size)
     chance = 2.0 * float(student.sf(abs(away) / max(error, 1e-300), turning.size - 1))
     dps = away / float(simulation["K0_v_per_dps"])
-    said = f"The {rest.size} points at rest lie {away:+.3g} {unit} ({dps:+.2g} °/s) off the model through all points"
+    text = f"The {rest.size} points at rest lie {away:+.3g} {unit} ({dps:+.2g} °/s) off the model through all points"
     if chance < _ODD:
         yield (
-            f"{said}, which chance does {chance:.1g} of the time: that is left unexplained. A table at rest differs"
+            f"{text}, which chance does {chance:.1g} of the time: that is left unexplained. A table at rest differs"
             " from one that turns in more than its rate (slip rings, cables, drive); runs at 1 to 5 °/s would tell."
         )
     else:
-        yield f"{said}, which is within the scatter of the others."
+        yield f"{text}, which is within the scatter of the others."
 
 
 def without_overload(problem: PointsProblem) -> tuple[PointsProblem, tuple[Fault, ...]]:
-    """The problem without the points at which the gyro is overloaded, and that fault, where there is one.
+    """Return the problem without points at which the gyro is overloaded, and that fault, if there is one.
 
-    Without a lab's model the straight line is that of the other points; the range ends where the law does.
+    Without a lab's model, the line is fitted to the other points; the range ends at the last rate that follows the law.
     """
     if "overload" in problem.without or problem.end is None or (fault := problem.end.overload()) is None:
         return problem, ()
@@ -311,22 +311,22 @@ def without_overload(problem: PointsProblem) -> tuple[PointsProblem, tuple[Fault
 
 
 def _line(rate_dps: FloatArray, mean_v: FloatArray) -> dict[str, float]:
-    """The straight line through points of shape (n,)."""
+    """Return the straight line through points of shape (n,)."""
     slope, offset = np.polyfit(rate_dps, mean_v, 1).tolist()
     return {"K0_v_per_dps": slope, "U0_v": offset}
 
 
 def has_points(recording: Recording) -> bool:
-    """Whether a recording is one of static points."""
+    """Return whether a recording consists of static points."""
     return bool(recording.infos) and all(info.kind == KIND for info in recording.infos)
 
 
 def points_problem(
     recording: Recording, *, model: Mapping[str, Any] | None = None, without: Collection[str] = ()
 ) -> PointsProblem:
-    """The problem of a recording of static points; without a model the lab is taken to believe in a straight line.
+    """Return the problem of a recording of static points; without a model, the model is a straight line.
 
-    Raises `UsageError` where there are too few points or rates, or the model has a wrong field.
+    Raises `UsageError` if there are too few points or rates, or if the model has a wrong field.
     """
     parts = [StaticPoints.from_step(step) for step in recording.steps((KIND,))]
     points = _joined(parts)
@@ -336,9 +336,9 @@ def points_problem(
             f"{recording.path}: {points.rate_dps.size} static points at {rates.size} rates are too few to tell a law"
             f" from their scatter; a diagnosis needs {_FEWEST} at {_FEWEST_RATES} rates or more"
         )
-    told = model or recording.meta.simulation
+    stated = model or recording.meta.simulation
     digital = recording.meta.output_unit == "deg/s"
-    if told is None:
+    if stated is None:
         simulation: Mapping[str, Any] = {
             **_line(points.rate_dps, points.mean_v),
             "T0_c": 20.0 if points.temperature_c is None else float(np.median(points.temperature_c)),
@@ -347,7 +347,7 @@ def points_problem(
         }
     else:
         where = "[simulation] of the model" if model else f"{recording.path}: [simulation]"
-        simulation = checked_model(told, where=where, digital=digital)
+        simulation = checked_model(stated, where=where, digital=digital)
     return PointsProblem(
         points=points,
         law=Law(
@@ -358,13 +358,13 @@ def points_problem(
         simulation=simulation,
         range_dps=recording.meta.unit.range_dps or float(np.abs(points.rate_dps).max()),
         without=frozenset(without),
-        believed=told is not None,
+        believed=stated is not None,
         unit="°/s" if digital else "V",
     )
 
 
 def _joined(parts: Sequence[StaticPoints]) -> StaticPoints:
-    """Several tables as one; what not all of them have is left out."""
+    """Return several tables as one; columns that some of them lack are left out."""
     if len(parts) == 1:
         return parts[0]
 

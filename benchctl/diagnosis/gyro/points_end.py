@@ -1,9 +1,9 @@
-"""How a table of static points ends where its largest rates have left the law: at two rails, or in an overload.
+"""The end of the range of static points whose largest rates leave the law: two rails, or an overload.
 
 The law is that of `benchctl.calibration.static_points_fit`, through the points that follow it. On either side the means
-beyond it may stand at one value, a rail; where a deviation is stated, it collapses there, as a rail has no noise. Or
-the output falls again as the rate grows: beyond full scale the electronics are overloaded. A fold of the interferometer
-falls, too, but by the law itself, backwards: that is for the effect `fringe_ambiguity` in the fit.
+beyond it may be constant, at a rail; a stated deviation then collapses, as a rail has no noise. Or the output decreases
+again with increasing rate: beyond full scale the electronics are overloaded. A fold of the interferometer also
+decreases, but follows the law backwards: that is the effect `fringe_ambiguity` in the fit.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from benchctl_instruments.physics.effects.fringe_ambiguity import folded_dps
 from benchctl_instruments.physics.effects.overload import Overload
 
 _WITHIN = 3.0
-"""Times the worst residual within the law: means that differ by less agree."""
+"""Factor on the largest residual within the law; means that differ by less agree."""
 _COLLAPSED = 2.0 / 3.0
-"""Of the smallest deviation stated within the law: a smaller one is not that of the gyro's noise."""
+"""Share of the smallest deviation stated within the law; a smaller deviation is not the gyro's noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointRails:
-    """The rails [V] that means stand at; one that no point reaches lies at the end of the outputs.
+    """The rails [V] at which means are constant; one that no point reaches is at the end of the outputs.
 
     `places` is the number of pairs of outputs that they are chosen from.
     """
@@ -49,7 +49,7 @@ class PointRails:
 
 @dataclass(frozen=True, kw_only=True)
 class PointsEnd:
-    """Points, the law through those up to `follows_to_dps`, and which are off it beyond that rate (n,).
+    """Points, the law through those up to `follows_to_dps`, and a mask (n,) of those `off` the law beyond that rate.
 
     Means that differ by less than `tolerance_v` agree.
     """
@@ -62,7 +62,7 @@ class PointsEnd:
 
     @classmethod
     def of(cls, points: StaticPoints) -> Self | None:
-        """The end of a table; None where all points follow the law, or there are too few to say."""
+        """Find the end of a table; None if all points follow the law, or if there are too few points."""
         rate, known = points.rate_dps, np.isfinite(points.mean_v)
         if np.unique(rate[known & (np.abs(rate) > RESTING_DPS)]).size < FEWEST_RATES:
             return None
@@ -83,7 +83,7 @@ class PointsEnd:
 
     @cached_property
     def collapsed(self) -> BoolArray:
-        """Points off the law whose stated deviation is none of the gyro's noise, shape (n,)."""
+        """Points off the law whose stated deviation is too small for the gyro's noise, shape (n,)."""
         stated = self.points.std_v
         if stated is None:
             return np.zeros_like(self.off)
@@ -92,7 +92,7 @@ class PointsEnd:
         return np.asarray(self.off & (stated < _COLLAPSED * least))
 
     def rails(self) -> PointRails | None:
-        """The rails; None where a side is off the law otherwise, or none stands."""
+        """Return the rails; None if a side deviates from the law in another way, or if no side has a rail."""
         mean = self.points.mean_v
         upper, lower = self._stands(self.upper), self._stands(~self.upper)
         if upper is None or lower is None or not (upper.any() or lower.any()):
@@ -104,7 +104,7 @@ class PointsEnd:
         )
 
     def _stands(self, side: BoolArray) -> BoolArray | None:
-        """Points of a side that stand at a rail, (n,), none where none is off the law; None where they do not stand.
+        """Return a mask (n,) of a side's points at a rail, empty if none is off the law; None if they do not agree.
 
         Several rates must agree, or the deviation stated at a single one must have collapsed.
         """
@@ -116,7 +116,7 @@ class PointsEnd:
         return off if agree and (rates > 1 or bool(self.collapsed[off].all())) else None
 
     def overload(self) -> Fault | None:
-        """The overload as a fault of all points beyond the law; None where no output falls again, or by a fold."""
+        """Return the overload as a fault of all points beyond the law; None without decrease, or for a fold."""
         if not any(self._falls(side) for side in (self.upper, ~self.upper)) or self._folds():
             return None
         rate, mean = np.abs(self.points.rate_dps), self.points.mean_v
@@ -159,7 +159,7 @@ class PointsEnd:
         yield from (side for side in (~self.upper, self.upper) if bool(np.any(beyond & side)))
 
     def _falls(self, side: BoolArray) -> bool:
-        """Whether a side's output is anywhere smaller than at a smaller rate, beyond the law."""
+        """Return whether a side's output decreases with increasing rate anywhere beyond the law."""
         rows = side & (np.abs(self.points.rate_dps) >= self.follows_to_dps) & np.isfinite(self.points.mean_v)
         rows = rows[np.argsort(np.abs(self.points.rate_dps), kind="stable")]
         by_rate = self.points.mean_v[np.argsort(np.abs(self.points.rate_dps), kind="stable")][rows]
@@ -167,7 +167,7 @@ class PointsEnd:
         return bool(size.size and np.any(np.maximum.accumulate(size) - size > self.tolerance_v))
 
     def _folds(self) -> bool:
-        """Whether the law at rates that turn back at one rate gives all points off it."""
+        """Return whether the law at folded rates reproduces all points off it."""
         rate, mean = self.points.rate_dps[self.off], self.points.mean_v[self.off]
 
         def away_v(fold: float) -> FloatArray:
@@ -181,7 +181,7 @@ class PointsEnd:
         return bool(np.all(np.abs(away_v(float(fold.x))) < self.tolerance_v))
 
     def remarks(self) -> Iterator[str]:
-        """What the deviations stated with the points say of those off the law, where any are stated."""
+        """Yield what the stated deviations, if any, show about the points off the law."""
         stated, rows = self.points.std_v, self.collapsed
         if stated is None or not rows.any():
             return

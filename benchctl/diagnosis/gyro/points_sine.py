@@ -1,4 +1,4 @@
-"""A nonlinearity of static points, as the one number of an open-loop interferometer: U = U0 + (K0/S)·sin(S·ω)."""
+"""A nonlinearity of static points as the single parameter of an open-loop interferometer: U = U0 + (K0/S)·sin(S·ω)."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from benchctl.estimation.problem import Problem
 
 _NONLINEARITY = "rate_nonlinearity"
 _SINE = 0.2
-"""Of the straight line's misfit: a law that leaves less by its one number more is the interferometer's."""
+"""Maximum misfit relative to the straight line for the interferometer's law to be accepted."""
 
 
 def with_sine(problem: Problem, findings: Iterable[Finding]) -> Iterator[Finding]:
-    """The findings; a nonlinearity of static points that is a sine states its S, too, as `S_rad_per_dps`."""
+    """Yield the findings; a sine-shaped nonlinearity of static points also states its S as `S_rad_per_dps`."""
     for one in findings:
         sine = _sine_of(problem) if one.effect == _NONLINEARITY else None
         yield one if sine is None else replace(one, parameters={**one.parameters, "S_rad_per_dps": sine})
 
 
 def _sine_of(problem: Problem) -> Estimate | None:
-    """S of the points that are fitted; None of samples, and where the law is no sine."""
+    """Return S of the fitted points; None for samples, or if the law is not a sine."""
     if not isinstance(problem, PointsProblem):
         return None
     rate, mean = problem.following

@@ -1,4 +1,4 @@
-"""What models say that the gyro of a recording should have put out."""
+"""The output that a model predicts for the gyro of a recording."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from benchctl_instruments.physics.effects.making import make_effects
 
 
 def predict(recording: Recording, model: Mapping[str, Any]) -> tuple[Frame, FloatArray]:
-    """The recording's samples and the output [V] that a model predicts for each, shape (n,).
+    """Return the recording's samples and the output [V] that a model predicts for each, shape (n,).
 
-    `model` has the layout of a model file: `simulation`, the lab's model, and `effects` beside it. What an effect draws
-    by chance, noise and faults of the data, is left out.
+    `model` has the layout of a model file: `simulation`, the lab's model, and `effects`. Random parts of effects, noise
+    and faults of the data, are left out.
 
-    Raises `UsageError` where the model has no `simulation`, or the recording no scans that one could predict.
+    Raises `UsageError` if the model has no `simulation`, or the recording no usable scans.
     """
     if not model.get("simulation"):
         raise UsageError(
@@ -30,4 +30,4 @@ def predict(recording: Recording, model: Mapping[str, Any]) -> tuple[Frame, Floa
     problem = gyro_problem(recording, model=simulation, whole_steps=True)
     effects = make_effects(model.get("effects", {}), problem.circumstances)
     volts = problem.predict(problem.baseline_start, [one for one in effects if not isinstance(one, NoiseEffect)])
-    return problem.frame, volts.copy()  # of which nothing else is kept: it may be written to
+    return problem.frame, volts.copy()  # a copy, which the caller may modify; nothing else keeps it

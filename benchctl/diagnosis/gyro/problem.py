@@ -1,4 +1,4 @@
-"""A recording of a gyro as a problem for the engine: the lab's model, the hypotheses, where a mismatch can live."""
+"""A gyro's recording as a diagnosis problem: the lab's model, the hypotheses, and the coordinates of a mismatch."""
 
 from __future__ import annotations
 
@@ -38,29 +38,29 @@ from benchctl_instruments.physics.structure_places import SETPOINT_WAY
 
 _TURN = 360.0
 _MANY, _PIECE = 3_000_000, 8
-"""Rows from which on a first look at fewer pays; the length of its pieces, in reaches of the filters."""
+"""Minimum rows for a first search on fewer rows; length of its pieces, as a multiple of the filters' reach."""
 _ROOM_C = 20.0
-"""Reference temperature of a model that nobody stated."""
+"""Reference temperature if no model is stated."""
 _FEWEST_IN_BAND = 100
 _MOST_LEAD_S = 1.0 / (2.0 * math.pi * 25.0)
-"""A part of the acceleration that shifts the output by more than a low-pass of 25 Hz does is no strain of a coil."""
+"""Maximum lead by an acceleration term, the delay of a 25 Hz low-pass; more is not the strain of a coil."""
 _LEAST_UNCLIPPED = 0.1
 _MOST_SCALE = 2.0
-"""Neither a part nor a wiring makes a scale factor differ from a stated one by more; a wrong model can."""
+"""Maximum ratio to a stated scale factor: parts and wiring cannot change it more, but a wrong model can."""
 _KNOTS, _RIDGE = 12, 1e-9
 _FEWEST_STEPS = 12
-"""Of fewer steps none can be held out; they are cut into pieces."""
+"""With fewer steps none can be held out; they are cut into pieces."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GyroProblem(Stepped):
     """A `benchctl.estimation.problem.Problem`: the gyro's volts from the encoder's motion and the thermistor.
 
-    Its rows are those of the frame, or, of a motion beyond the filters' band, the slow part of some of them (`band`).
-    `simulation` is the lab's model under the names of the open recording; `T0_c` its reference temperature. `earth_dps`
-    is the Earth's rate about the table's axis, 0 where nobody said where the table stands; `rounding_v` (n,) what the
-    steps of a coarse converter have added to the output. `response` and `contrast` are what is compared above the band;
-    `rails` are those that its samples were seen to stand at.
+    Its rows are those of the frame or, if the motion goes beyond the filters' band, the slow part of some of them
+    (`band`). `simulation` is the lab's model with the names of the open recording; `T0_c` its reference temperature.
+    `earth_dps` is the Earth's rate about the table's axis, 0 if the table's location is unknown; `rounding_v` (n,) is
+    the contribution of a coarse converter's steps to the output. `response` and `contrast` are compared above the band;
+    `rails` are those observed in its samples.
     """
 
     frame: Frame
@@ -83,15 +83,15 @@ class GyroProblem(Stepped):
 
     @cached_property
     def noises(self) -> frozenset[str]:
-        """A random walk of the bias, flicker, noise that grows with the rate."""
+        """Random walk of the bias, flicker, and noise that grows with the rate."""
         return frozenset({"bias_random_walk", "flicker_noise", "noise_rate_dependent"} - self.without)
 
     @cached_property
     def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
-        """What the encoder's noise adds [V²], and to half a step from row to row; (n,) each."""
-        whole, step = rate_variance(self.frame)
+        """Variance [V²] due to the encoder's noise, and half that of its change from row to row; (n,) each."""
+        variance, step = rate_variance(self.frame)
         squared = float(self.simulation["K0_v_per_dps"]) ** 2 * (self.band is None)
-        return self._kept(squared * whole), self._kept(squared * step)
+        return self._kept(squared * variance), self._kept(squared * step)
 
     @cached_property
     def measured(self) -> FloatArray:
@@ -101,12 +101,12 @@ class GyroProblem(Stepped):
 
     @property
     def time_s(self) -> FloatArray:
-        """Stamps since the start of the recording [s], shape (n,)."""
+        """Time stamps since the start of the recording [s], shape (n,)."""
         return self._kept(self.frame.time_s)
 
     @property
     def interval_s(self) -> float:
-        """Between two rows [s]."""
+        """Interval between two rows [s]."""
         return self.frame.interval_s if self.band is None else self.frame.interval_s * self.band.every
 
     @property
@@ -116,7 +116,7 @@ class GyroProblem(Stepped):
 
     @property
     def step(self) -> IntArray:
-        """Which step a row belongs to, shape (n,)."""
+        """Index of each row's step, shape (n,)."""
         return self.frame.step if self.band is None else self.frame.step[self.band.rows]
 
     @property
@@ -126,7 +126,7 @@ class GyroProblem(Stepped):
 
     @cached_property
     def recorded(self) -> IntArray:
-        """In which of the joined recordings each step is, shape (m,)."""
+        """Index of the joined recording of each step, shape (m,)."""
         begun_s = np.unique(self.frame.origins_s)
         firsts = np.searchsorted(self.frame.step, np.arange(len(self.steps)))
         return np.searchsorted(begun_s, self.frame.time_s[firsts], "right") - 1
@@ -141,7 +141,7 @@ class GyroProblem(Stepped):
 
     @cached_property
     def baseline_units(self) -> tuple[str, ...]:
-        """Their units."""
+        """Units of the parameters."""
         law = self.chain.law
         temperature = [f"°C^-{i + 1}" for i in range(law.temperature_terms)]
         rate = [f"(°/s)^-{2 * (i + 1)}" for i in range(law.rate_terms)]
@@ -155,14 +155,14 @@ class GyroProblem(Stepped):
 
     @cached_property
     def baseline_bounds(self) -> Mapping[str, tuple[float, float]]:
-        """A stated scale factor is known to within a factor of two; nothing is known of one that was fitted."""
+        """A stated scale factor is known within a factor of two; a fitted one is not bounded."""
         K0 = float(self.simulation["K0_v_per_dps"])
         low, high = sorted((K0 / _MOST_SCALE, K0 * _MOST_SCALE))
         return {"K0_v_per_dps": (low, high)} if self.believed else {}
 
     @cached_property
     def circumstances(self) -> Mapping[str, float]:
-        """Reference temperature, rated range, the converter's step, where time begins."""
+        """Reference temperature, rated range, the converter's step, start time."""
         return {
             "T0_c": self.chain.law.T0_c,
             "range_dps": self.range_dps,
@@ -172,16 +172,17 @@ class GyroProblem(Stepped):
 
     @cached_property
     def effects(self) -> Mapping[str, type[DescribedEffect]]:
-        """Every effect of the vocabulary that changes a prediction, but for those that are withheld.
+        """The effects of the vocabulary that change a prediction, without excluded ones.
 
-        How coarse a converter has become is seen in the samples themselves (`faults`), and what rings above a band, or
-        is not in proportion to the momentary rate, only where that is known. An overload, which can stand for a fold,
-        is told in static points only. The processor of a digital gyro counts its fringes, if it has any.
+        A coarse converter is detected in the samples themselves (`faults`). With a band, mains and encoder lines and
+        momentary filters are excluded, and other effects of the momentary rate require that the fast motion is known.
+        An overload, which can imitate a fold, is tested in static points only. The processor of a digital gyro counts
+        its fringes, if any.
         """
         without = {*self.without, "adc_coarse", "overload"}
         if self.unit != "V":
             without.add("fringe_ambiguity")
-        if self.band is not None:  # motion above half the sampling rate folds back as lines, of time and of angle
+        if self.band is not None:  # aliased motion causes such lines
             without |= {"mains_pickup", "encoder_interpolation"}
 
         def unknown(kind: type[PhysicalEffect]) -> bool:
@@ -199,7 +200,7 @@ class GyroProblem(Stepped):
 
     @cached_property
     def coordinates(self) -> Mapping[str, FloatArray]:
-        """Where a mismatch can live, each of shape (n,)."""
+        """The coordinates in which a mismatch can occur, each of shape (n,)."""
         frame, rate = self.frame, steadied_rate(self.frame)
         every_row = {
             "time": frame.time_s,
@@ -219,10 +220,10 @@ class GyroProblem(Stepped):
         return {name: self._kept(values) for name, values in every_row.items()}
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """Volts, shape (n,).
+        """Return the predicted volts, shape (n,).
 
-        In a slow band effects of the momentary rate change them by what they do on the average at that slow output:
-        what they do beyond it hangs on motion between the samples, which nobody knows.
+        In a slow band, effects of the momentary rate contribute their mean at each slow output; the remainder depends
+        on motion between the samples, which is unknown.
         """
         volts = self.slow(self.chain.predict(baseline, (*effects, *self.rails)))
         lasting = [effect for effect in effects if not effect.momentary]
@@ -232,7 +233,7 @@ class GyroProblem(Stepped):
         return slow + self._on_the_average(volts - slow, slow)
 
     def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """Of gain and phase above the band, and of the two directions', in units of its noise, shape (w,)."""
+        """Return the errors of gain and phase above the band and of the contrast, scaled to its noise, shape (w,)."""
         parts = [one for one in (self.response, self.contrast) if one is not None]
         if not parts or self.band is None:
             return np.zeros(0)
@@ -241,17 +242,17 @@ class GyroProblem(Stepped):
 
     @cached_property
     def spectral_step(self) -> IntArray:
-        """The step of each of its numbers, shape (w,)."""
+        """The step of each element of `spectral_residual`, shape (w,)."""
         of_response = () if self.response is None else (self.response.step,)
         of_contrast = () if self.contrast is None else (self.contrast.steps,)
         return np.concatenate([np.zeros(0, np.int64), *of_response, *of_contrast])
 
     def forget(self) -> None:
-        """What the stages of the chain made last, arrays as long as the recording."""
+        """Release the last results of the chain's stages, which are arrays as long as the recording."""
         self.chain.forget()
 
     def _on_the_average(self, change: FloatArray, along: FloatArray) -> FloatArray:
-        """A change as a broken line along another quantity, by least squares over the usable rows; (n,) each."""
+        """Return a change as a piecewise linear function of `along`, fitted to the usable rows; (n,) each."""
         lines = hats(along, np.linspace(along.min(), along.max(), _KNOTS))
         known = lines[self.usable]
         normal = (known.T @ known).toarray()
@@ -262,13 +263,13 @@ class GyroProblem(Stepped):
         return values if self.band is None else values[self.band.rows]
 
     def slow(self, values: FloatArray) -> FloatArray:
-        """What of the frame's rows (n,) is compared, shape (m,)."""
+        """Return the part of the frame's rows (n,) that is compared, shape (m,)."""
         return values if self.band is None else self.band.slow(values)
 
     def otherwise(self) -> Self | None:
-        """With the Earth's rate left out, or put in again.
+        """Return the problem without the Earth's rate, or with it again; None if it is unknown.
 
-        A gyro feels it; but a recording of a simulation, or one whose stated place is wrong, holds none of it.
+        A gyro measures it, but the recording of a simulation, or of a wrongly stated location, may not contain it.
         """
         if not self.earth_dps:
             return None
@@ -278,14 +279,14 @@ class GyroProblem(Stepped):
         )
 
     def thinned(self) -> Self | None:
-        """Some seconds of many steps, more of a long one, of a recording of very many rows."""
+        """Return the problem on a few seconds of many steps for a very long recording, else None."""
         one_recording = len(set(self.frame.origins_s)) == 1
         if self.frame.rows < _MANY or self.band is not None or not one_recording:
             return None
         reach = half_of(1.0 / self.frame.interval_s)
         frame, rows = thinned(self.frame, pieces_of(self.frame, _PIECE * reach))
         usable = self.usable[rows]
-        for part in frame.stretches:  # filters of the output see no further
+        for part in frame.stretches:  # rows within the reach of the output's filters
             usable[part.start : part.start + reach] = False
             usable[max(part.stop - reach, part.start) : part.stop] = False
         chain = GyroChain(frame, self.chain.law, self.chain.earth_dps)
@@ -293,15 +294,15 @@ class GyroProblem(Stepped):
         return replace(self, frame=frame, chain=chain, usable=usable, rounding_v=rounding_v)
 
     def unrounded(self, predicted: FloatArray, step_v: float) -> Self:
-        """Without what the steps of a coarse converter make of an output that would be `predicted`, shape (n,)."""
+        """Return the problem without the rounding by a coarse converter of an output `predicted`, shape (n,)."""
         rows, volts = self.usable, self.slow(self.frame.volts)
         rounding = rounding_between(predicted[rows], volts[rows], step_v)
         return replace(self, rounding_v=rounding.mean_v(predicted) - predicted)
 
     def behind(self, rails: PhysicalEffect, clipped: BoolArray) -> Self:
-        """With rails at which the samples `clipped` (n,) stand.
+        """Return the problem with rails that the samples `clipped` (n,) have reached.
 
-        Of motion that is clipped the filter of `shared_motion` passes only the share that is not (Bussgang, 1952).
+        For clipped motion, the filter of `shared_motion` passes only the share that is not clipped (Bussgang, 1952).
         """
         chain, share = self.chain, max(1.0 - float(clipped.mean()), _LEAST_UNCLIPPED)
         fast_dps = None if chain.fast_dps is None else chain.fast_dps / share
@@ -313,7 +314,7 @@ class GyroProblem(Stepped):
         )
 
     def matters(self, name: str, change: float) -> float:
-        """A share of full scale for the bias, of the scale factor for the others, at the edge of what was recorded."""
+        """Return a change of the bias as a share of full scale, others as a share of scale factor at the edge."""
         if name == "U0_v":
             return abs(change) / self.full_scale
         if name == "K0_v_per_dps":
@@ -323,10 +324,10 @@ class GyroProblem(Stepped):
         return abs(change) * (away_c if name.startswith("k_T") else self.range_dps) ** power
 
     def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
-        """The tables `simulation` and `effects`; `noise` [V] is that of a sample."""
+        """Return the tables `simulation` and `effects`; `noise` [V] is that of a sample."""
         values, law = baseline.tolist(), self.chain.law
         split = 2 + law.temperature_terms
-        # a model that plays needs a limit: where none is known, one far above what was recorded
+        # a simulation needs a limit: if none is known, one far above the recorded output is used
         limit = self.simulation.get("output_limit_v") or 2.0 * self.full_scale
         simulation = {
             "K0_v_per_dps": values[0],
@@ -340,7 +341,7 @@ class GyroProblem(Stepped):
         return {"simulation": simulation, "effects": tables_of(effects)}
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
-        """What this recording cannot show, and whether encoder and gyro both see what repeats with the angle."""
+        """Return remarks on what this recording cannot show, and on lines that repeat with the angle."""
         del before, after, heldout
         frame = self.frame
         moving = _usable(frame, np.inf, None)
@@ -368,14 +369,14 @@ def gyro_problem(
     without: Collection[str] = (),
     whole_steps: bool = False,
 ) -> GyroProblem:
-    """The problem of a recording and of the model that its lab believes in, or of another `model` in its place.
+    """Return the problem of a recording with the lab's model, or with another `model` in its place.
 
     Without a model the output is compared with a straight line in the rate: for a digital gyro, whose unit states its
-    scale factor, with the rate itself or its negative; for an analogue one with the line that fits best (`believed` is
-    then false). Steps that are too few to hold some out are cut into pieces, but for `whole_steps`.
+    scale factor, with the rate itself or its negative; for an analogue one with the best-fitting line (`believed` is
+    then false). If there are too few steps to hold some out, they are cut into pieces, unless `whole_steps` is true.
 
-    Raises `UsageError` where the model has a wrong field, the recording no scan of encoder and gyro, or, without a
-    model, the table never turns.
+    Raises `UsageError` if the model has a wrong field, if the recording has no scan of encoder and gyro, or if the
+    table never turns and there is no model.
     """
     digital = recording.meta.output_unit == "deg/s"
     where = "[simulation] of the model" if model else f"{recording.path}: [simulation]"
@@ -424,9 +425,9 @@ def gyro_problem(
 
 
 def _compared(frame: Frame, limit_v: float) -> tuple[Band | None, BoolArray]:
-    """The band in which a motion that goes beyond the filters is compared, and the usable rows of the frame, (n,).
+    """Return the band for comparing motion beyond the filters' band, and the usable rows of the frame, (n,).
 
-    Stretches may be too short for a band's low pass: then all of their motion is compared.
+    If the stretches are too short for the band's low-pass filter, all of their motion is compared.
     """
     if frame.beyond:
         band = band_of(frame.stretches, 1.0 / frame.interval_s, frame.encoder_deg, frame.rate_dps, frame.volts)
@@ -437,7 +438,7 @@ def _compared(frame: Frame, limit_v: float) -> tuple[Band | None, BoolArray]:
 
 
 def _response(frame: Frame, band: Band, limit_v: float) -> Response | None:
-    """Gain and phase above a band, of what was measured."""
+    """Return gain and phase above a band, from measured rows only."""
     measured = _usable(frame, limit_v, None)
     if frame.filled is not None:
         measured &= ~frame.filled
@@ -453,7 +454,7 @@ def _response(frame: Frame, band: Band, limit_v: float) -> Response | None:
 
 
 def _contrast(frame: Frame, band: Band, usable: BoolArray, shared_v: FloatArray) -> Contrast | None:
-    """How the fast motion of a band is felt in both directions."""
+    """Return the difference in sensitivity to the fast motion of a band between the two directions."""
     return contrast_of(
         slow_dps=band.passed(frame.rate_dps),
         fast_v=shared_v - band.passed(shared_v),
@@ -464,14 +465,14 @@ def _contrast(frame: Frame, band: Band, usable: BoolArray, shared_v: FloatArray)
 
 
 def _beyond_wide(frame: Frame, shared_dps: FloatArray) -> FloatArray:
-    """What of a motion that encoder and gyro share the rate of the encoder's angles does not hold, shape (n,)."""
+    """Return the part of a motion shared by encoder and gyro that the encoder's rate does not contain, shape (n,)."""
     sample_rate_hz = 1.0 / frame.interval_s
     smooth = differentiator(sample_rate_hz, *edges_hz(WIDE, sample_rate_hz), 0)
     return shared_dps - filtered_along(frame.stretches, shared_dps, smooth)
 
 
 def _line(recording: Recording, frame: Frame, *, digital: bool) -> Mapping[str, Any]:
-    """A straight line in the rate as the model of a gyro of which none is stated."""
+    """Return a straight line in the rate as the model of a gyro that has none stated."""
     usable = np.isfinite(frame.volts) & np.isfinite(frame.rate_dps)
     rate_dps, output = frame.rate_dps[usable], frame.volts[usable]
     if not usable.any() or float(np.ptp(rate_dps)) == 0.0:
@@ -490,7 +491,7 @@ def _line(recording: Recording, frame: Frame, *, digital: bool) -> Mapping[str, 
 
 
 def _cut(frame: Frame) -> Frame:
-    """The frame with steps enough to hold some out."""
+    """Return the frame with enough steps to hold some out."""
     if len(frame.infos) >= _FEWEST_STEPS:
         return frame
     pieces = cut(frame.infos, frame.step, frame.time_s)
@@ -498,13 +499,13 @@ def _cut(frame: Frame) -> Frame:
 
 
 def _usable(frame: Frame, limit_v: float, band: Band | None) -> BoolArray:
-    """Rows that are made of whole windows of what was measured, and whose output is a number within the limit."""
+    """Return the rows made of complete windows of measured values, with a finite output within the limit."""
     usable = np.isfinite(frame.volts) & (np.abs(frame.volts) < limit_v)
     reach = half_of(1.0 / frame.interval_s) + (0 if band is None else band.reach)
     for part in frame.stretches:
         usable[part.start : part.start + reach] = False
         usable[max(part.stop - reach, part.start) : part.stop] = False
-    if frame.filled is not None and band is None:  # a low pass hardly notices a sample that was filled in
+    if frame.filled is not None and band is None:  # a low-pass is hardly influenced by a single filled-in sample
         for row in np.flatnonzero(frame.filled).tolist():
             usable[max(row - reach, 0) : row + reach + 1] = False
     return usable

@@ -1,12 +1,12 @@
-"""Gain and phase of the output against the encoder's rate, where the rows of a slow band do not reach.
+"""Gain and phase of the output relative to the encoder's rate, above the slow band of the rows.
 
-Motion of a shaft that shakes is compared row by row only in its slow band (`free_band`), where a delay and a low-pass
-are one. Above it both instruments still speak wherever their coherence is high: there the output's phase tells how
-late it is, its gain whether it was smoothed. Both are compared bin by bin through the cross-spectrum with the encoder's
-rate, measured and predicted volts alike; what only one of the two sees averages out.
+Motion of a vibrating shaft is compared row by row only in its slow band (`free_band`), where a delay and a low-pass are
+equivalent. Above it both instruments are usable wherever their coherence is high: there the phase of the output shows
+its delay, the gain its smoothing. Both are compared per frequency bin through the cross-spectrum with the encoder's
+rate, for measured and predicted volts alike; signals that only one instrument measures average out.
 
-Noise of the encoder lowers the gain that is seen this way, noise of the output that of the reverse: the truth lies
-between the two, γ apart each (Bendat & Piersol, Random data, ch. 6; the phase is not biased).
+Noise of the encoder lowers the gain estimated in this way, noise of the output that of the reverse estimate: the true
+gain is between the two, a factor γ from each (Bendat & Piersol, Random data, ch. 6; the phase is not biased).
 """
 
 from __future__ import annotations
@@ -25,29 +25,29 @@ _WINDOW_S = 1.28
 _FEWEST_WINDOWS = 16
 _ROUNDS, _USUAL = 20, 0.25
 _COHERENT = 0.9
-"""Coherence from which on both are taken to see one motion."""
+"""Coherence above which both instruments measure the same motion."""
 _GAIN, _PHASE = 0.05, 0.005
-"""What gain and phase [rad] of an octave may be wrong by for other reasons than noise.
+"""Errors of gain and phase [rad] per octave that are not due to noise.
 
-An encoder's steps, motion folded back at half the sampling rate and the output's own smoothing change the gain by some
-percent, the phase hardly.
+An encoder's steps, motion aliased at half the sampling rate, and smoothing by the output change the gain by some
+percent, but hardly the phase.
 """
 
 
 _TURNING, _FEWEST_ROWS, _FEWEST_STEPS = 0.5, 100, 6
-"""A step turns in a direction where so many of its rows do, at such a share of the usual rate; of so many steps."""
+"""Share of the median rate for a row to turn; such rows for a step to count in a direction; minimum of such steps."""
 _APART = 0.001
-"""What the gains of two directions may differ by for other reasons: a fiftieth of what a gain may be wrong by."""
+"""Difference of the gains of two directions that is not due to noise: a fiftieth of the error of the gain itself."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:
     """The comparison, for `steps` (s,) and bins of a frequency `frequency_hz` (k,).
 
-    `instrument` (w, k) is the conjugate spectrum of the encoder's rate in each window, times what the window counts;
-    `firsts` (s,) are the steps' first windows. Predicted cross-spectra times `scale` (s, k) are to be `measured`
-    (s, k), which is about one; `weights` (2, s, k) are the inverse of the deviations of its gain and phase; `gain_v`
-    (k,) is the output's over the encoder's rate [V/(°/s)].
+    `instrument` (w, k) is the conjugate spectrum of the encoder's rate in each window, times the window's weight;
+    `firsts` (s,) are the first windows of the steps. Predicted cross-spectra times `scale` (s, k) are compared with
+    `measured` (s, k), which is about one; `weights` (2, s, k) are the inverse deviations of its gain and phase;
+    `gain_v` (k,) is the gain of the output relative to the encoder's rate [V/(°/s)].
     """
 
     windows: Windows
@@ -62,22 +62,22 @@ class Response:
 
     @property
     def frequency_hz(self) -> FloatArray:
-        """The bins that are compared [Hz], shape (k,)."""
+        """Frequencies of the bins [Hz], shape (k,)."""
         return self.windows.frequency_hz[self.bins]
 
     @property
     def step(self) -> IntArray:
-        """The step of every number of `residual`, shape (2·s·k,)."""
+        """The step of every element of `residual`, shape (2·s·k,)."""
         return np.tile(np.repeat(self.steps, self.bins.size), 2)
 
     def residual(self, predicted_v: FloatArray) -> FloatArray:
-        """How far predicted volts (n,) are off in gain and in phase, in deviations, shape (2·s·k,)."""
+        """Return the errors of predicted volts (n,) in gain and phase, in deviations, shape (2·s·k,)."""
         crossed = np.add.reduceat(self.instrument * self.windows.spectra(predicted_v, self.bins), self.firsts)
         off = self.measured - crossed * self.scale
         return np.concatenate([off.real * self.weights[0], off.imag * self.weights[1]], axis=None)
 
     def says(self, K0_v_per_dps: float) -> str:
-        """What is compared, and how the gain runs."""
+        """Return a sentence on the compared band and the gain at its ends."""
         low, high = self.frequency_hz[[0, -1]].tolist()
         first, last = (self.gain_v[[0, -1]] / abs(K0_v_per_dps)).tolist()
         return (
@@ -89,10 +89,10 @@ class Response:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contrast:
-    """By how much more the fast motion is felt in the one direction of rotation, in `steps` (s,) that have both.
+    """The difference in sensitivity to fast motion between the directions of rotation, in `steps` (s,) with both.
 
-    `weights` (n,) make of volts, summed over a step, the gain of the fast motion in the positive direction less that in
-    the negative one: whatever makes it wrong alike in both is not in it. `measured` (s,) is off by `deviation`.
+    With `weights` (n,), the sum of volts over a step is the gain of the fast motion in the positive direction less that
+    in the negative one: errors common to both directions cancel. `measured` (s,) has the standard error `deviation`.
     """
 
     weights: FloatArray
@@ -102,17 +102,17 @@ class Contrast:
     deviation: float
 
     def residual(self, predicted_v: FloatArray) -> FloatArray:
-        """How far predicted volts (n,) are off, in deviations, shape (s,)."""
+        """Return the errors of predicted volts (n,), in deviations, shape (s,)."""
         return (self.measured - np.bincount(self.rows, self.weights * predicted_v)[self.steps]) / self.deviation
 
 
 def contrast_of(
     *, slow_dps: FloatArray, fast_v: FloatArray, volts: FloatArray, usable: BoolArray, step: IntArray
 ) -> Contrast | None:
-    """The contrast of an output, from arrays of shape (n,); None where too few steps turn in both directions.
+    """Return the contrast of an output, from arrays of shape (n,); None if too few steps turn in both directions.
 
-    `fast_v` is what the motion above the slow band makes of the output. The deviation is what steps differ by, and, of
-    all steps together, what else may be wrong.
+    `fast_v` is the output caused by motion above the slow band. The deviation is the scatter between steps, plus a
+    systematic part for all steps together.
     """
     turning = usable & (np.abs(slow_dps) > _TURNING * np.median(np.abs(slow_dps[usable])))
     count = int(step[-1]) + 1
@@ -132,9 +132,9 @@ def contrast_of(
 
 
 def _beside_line(values: FloatArray, along: FloatArray, rows: BoolArray, step: IntArray) -> FloatArray:
-    """What of values (n,) is in some rows of each step neither constant nor in proportion to another quantity.
+    """Return values (n,) in some rows of each step with their mean and their slope along another quantity removed.
 
-    An offset, and the slow motion itself, are then no gain of the fast one; 0 in all other rows.
+    An offset and the slow motion itself then do not change the gain of the fast motion; other rows are 0.
     """
     many = np.maximum(np.bincount(step, rows), 1.0)
     own, other = ((one - (np.bincount(step, one * rows) / many)[step]) * rows for one in (values, along))
@@ -153,9 +153,9 @@ def response_of(
     interval_s: float,
     above_hz: float,
 ) -> Response | None:
-    """The response above a frequency, from arrays of shape (n,); None where too little is coherent there.
+    """Return the response above a frequency, from arrays of shape (n,); None if too little is coherent there.
 
-    A bin's deviation is that of its noise, and, an octave's bins taken together, what else may be wrong.
+    A bin's variance is that of its noise, plus a systematic part for all bins of an octave together.
     """
     size = 1 << round(math.log2(_WINDOW_S / interval_s))
     windows = windows_of(usable, stretches, size, interval_s)
@@ -196,10 +196,11 @@ def response_of(
 
 
 def _trust(rate: ComplexArray, output: ComplexArray) -> FloatArray:
-    """How much each window counts, shape (w,), from spectra of shape (w, k).
+    """Return the weight of each window, shape (w,), from spectra of shape (w, k).
 
-    Windows in which the two have less in common than in most (a reversal, a knock, a clock that has slipped) count the
-    less: a redescending estimate of the transfer function by iterated weights (Huber, Robust statistics, 1981, ch. 7).
+    Windows in which the two signals agree less than in most (a reversal, a knock, a clock that has slipped) have less
+    weight: a redescending estimate of the transfer function by iterated weights (Huber, Robust statistics, 1981, ch.
+    7).
     """
     trust = np.ones(len(rate))
     for _ in range(_ROUNDS):
@@ -212,6 +213,6 @@ def _trust(rate: ComplexArray, output: ComplexArray) -> FloatArray:
 
 
 def _in_octave(frequency_hz: FloatArray) -> IntArray:
-    """How many of the bins (k,) lie within half an octave of each, shape (k,)."""
+    """Return how many of the bins (k,) are within half an octave of each, shape (k,)."""
     ordered = np.log2(frequency_hz)
     return np.searchsorted(ordered, ordered + 0.5, "right") - np.searchsorted(ordered, ordered - 0.5, "left")

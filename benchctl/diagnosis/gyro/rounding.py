@@ -1,11 +1,11 @@
-"""What a converter with steps wider than the noise makes of a voltage, on the average.
+"""The mean output of a converter whose steps are wider than the noise.
 
-With normal noise of deviation σ ahead of a converter that rounds to whole steps q, the output's mean at a noiseless u
-goes over from each code to the next as the normal distribution does:
+With normal noise of deviation σ before a converter that rounds to multiples of q, the output's mean at a noiseless u
+changes from each code to the next like the normal distribution:
 
     E(u) = q·(m − 1 + Σ Φ((u/q − m − k + 1/2)/(σ/q)), k = 0, 1, 2),    m = floor(u/q)
 
-(Widrow and Kollár, Quantization noise, 2008, ch. 4). Where σ is half a step or more, E(u) is u.
+(Widrow and Kollár, Quantization noise, 2008, ch. 4). If σ is half a step or more, E(u) is u.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from scipy.special import ndtr
 from benchctl_instruments.arrays import FloatArray
 
 _LEAST, _MOST, _TRIED = 0.02, 0.5, 25
-"""Deviations of the noise that are tried, in steps; by more than the largest nothing is left of the steps."""
+"""Range and number of noise deviations that are tested, in steps; above the largest the steps are smoothed out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rounding:
-    """A converter's steps [V] and the deviation of the noise ahead of them [V]."""
+    """A converter's steps [V] and the deviation of the noise before it [V]."""
 
     step_v: float
     noise_v: float
 
     def mean_v(self, volts: FloatArray) -> FloatArray:
-        """The mean output at noiseless volts, shape (n,)."""
+        """Return the mean output at noiseless volts, shape (n,)."""
         steps = volts / self.step_v
         code = np.floor(steps)
         steps -= code
@@ -41,7 +41,7 @@ class Rounding:
 
 
 def rounding_between(predicted: FloatArray, measured: FloatArray, step_v: float) -> Rounding:
-    """The noise ahead of steps of `step_v` that makes of predicted volts best what was measured, shape (n,) both."""
+    """Return the noise before steps of `step_v` for which predicted volts best fit the measured ones, (n,) each."""
 
     def squares(rounding: Rounding) -> float:
         left = measured - rounding.mean_v(predicted)

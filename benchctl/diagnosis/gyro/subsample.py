@@ -1,7 +1,7 @@
-"""The steps of a recording that a diagnosis looks at: all of them, or pieces of them where memory would not hold all.
+"""The steps of a recording that a diagnosis uses: all of them, or pieces if all would exceed the memory.
 
-The pieces are drawn by lot, always the same ones, from all steps alike. What the thermometer said in the rest is kept
-as means: a gyro remembers its temperatures for minutes.
+The pieces are a reproducible random sample from all steps. The thermometer readings of the other rows are kept as
+means, because a gyro remembers its temperatures for minutes.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ NEEDED = ("time_s", "encoder_deg", "gyro_v")
 THERMISTOR, AIR, FILLED = "gyro_temp_c", "chamber_temp_c", "filled"
 
 PIECE = 8192
-"""Rows of a piece: many times what a filter loses at its ends."""
+"""Rows of a piece: many times the rows that a filter loses at its ends."""
 
 _MOST_ROWS = 10_000_000
 _BYTES_A_ROW = 1050
-"""What a diagnosis of so many rows holds at its peak, measured."""
+"""Measured peak memory of a diagnosis [bytes per row]."""
 _SHARE = 0.6
 _MILLION = 1_000_000
 _MEANS_A_SECOND = 8.0
@@ -35,9 +35,9 @@ _NOTHING = Readings(np.empty(0), np.empty(0), np.empty(0))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subsample:
-    """Steps with scans of motion and output, and the thermometer (a channel, "" for none) that they have.
+    """Steps with scans of motion and output, and their common thermometer (a channel, "" for none).
 
-    `unseen` is what that thermometer said in the `left_out` rows, as means of an eighth of a second.
+    `unseen` are the thermometer readings in the `left_out` rows, as means over an eighth of a second.
     """
 
     steps: Sequence[Step]
@@ -47,15 +47,15 @@ class Subsample:
 
 
 def most_rows() -> int:
-    """How many rows a diagnosis looks at on this machine: whole millions, so that machines alike say alike."""
-    there = memory_bytes()
-    if there is None:
+    """Return how many rows a diagnosis uses on this machine, in millions, so that similar machines agree."""
+    available = memory_bytes()
+    if available is None:
         return _MOST_ROWS
-    return min(_MOST_ROWS, max(int(_SHARE * there / _BYTES_A_ROW) // _MILLION, 1) * _MILLION)
+    return min(_MOST_ROWS, max(int(_SHARE * available / _BYTES_A_ROW) // _MILLION, 1) * _MILLION)
 
 
 def subsample_of(recording: Recording, most: int | None = None) -> Subsample:
-    """All rows of the steps that have scans of encoder and gyro, or, where they have more, `most` of these rows."""
+    """Return all rows of the steps with scans of encoder and gyro, or a sample of at most `most` rows."""
     if most is None or sum(info.samples for info in recording.infos if not info.is_left_out) <= most:
         steps = [step for step in recording.steps() if _has_scans(step.info, step.channels) and len(step["time_s"]) > 1]
         return Subsample(steps=steps, thermometer=_thermometer([step.channels for step in steps]))
@@ -67,12 +67,12 @@ def subsample_of(recording: Recording, most: int | None = None) -> Subsample:
         rows = np.zeros(step.scans, np.bool_)
         for first in firsts:
             rows[first : first + PIECE] = True
-        seen, unseen = _parted(step, rows)
+        selected, unseen = _parted(step, rows)
         readings.append(unseen)
         left_out += int(np.count_nonzero(~rows))
         if rows.any():
             polls = recording.step(info.index, [name for name in step.names if axis_of(name) == "poll_time_s"])
-            steps.append(Step(info, {**seen, **polls.channels}))
+            steps.append(Step(info, {**selected, **polls.channels}))
     thermometer = _thermometer(readings)
     unseen_by_it = [one[thermometer] for one in readings] if thermometer else []
     return Subsample(steps=steps, thermometer=thermometer, unseen=unseen_by_it, left_out=left_out)
@@ -87,7 +87,7 @@ def _thermometer(steps: Sequence[Collection[str]]) -> str:
 
 
 def _drawn(infos: Sequence[StepInfo], most: int) -> Iterator[tuple[StepInfo, list[int]]]:
-    """Each step with the first rows of its pieces that are looked at, in order."""
+    """Yield each step with the first rows of its sampled pieces, in order."""
     pieces = [(step, first) for step, info in enumerate(infos) for first in range(0, info.samples, PIECE)]
     rows = np.array([min(PIECE, infos[step].samples - first) for step, first in pieces])
     lot = np.random.default_rng(0).permutation(len(pieces))
@@ -99,17 +99,17 @@ def _drawn(infos: Sequence[StepInfo], most: int) -> Iterator[tuple[StepInfo, lis
 
 
 def _parted(step: StoredStep, rows: BoolArray) -> tuple[dict[str, FloatArray], dict[str, Readings]]:
-    """The channels of some rows of a step, and what each of its thermometers said in the others."""
+    """Return the channels of some rows of a step, and the readings of its thermometers in the others."""
     thermometers = [name for name in (THERMISTOR, AIR) if name in step.names]
-    begin, seen, unseen = 0, list[Mapping[str, FloatArray]](), list[list[Readings]]()
+    begin, selected, unseen = 0, list[Mapping[str, FloatArray]](), list[list[Readings]]()
     for part in step.parts(None if rows.any() else ("time_s", *thermometers)):
         own = rows[begin : begin + part["time_s"].size]
         begin += own.size
-        seen.append({name: samples[own] for name, samples in part.channels.items()})
+        selected.append({name: samples[own] for name, samples in part.channels.items()})
         unseen.append([_means(part["time_s"][~own], part[name][~own]) for name in thermometers])
-    whole = {name: np.concatenate([one[name] for one in seen]) for name in seen[0]}
+    channels = {name: np.concatenate([one[name] for one in selected]) for name in selected[0]}
     by_name = zip(thermometers, zip(*unseen, strict=True), strict=True)
-    return whole, {name: Readings(*map(np.concatenate, zip(*those, strict=True))) for name, those in by_name}
+    return channels, {name: Readings(*map(np.concatenate, zip(*those, strict=True))) for name, those in by_name}
 
 
 def _means(time_s: FloatArray, temp_c: FloatArray) -> Readings:

@@ -1,1 +1,1 @@
-"""The next experiment: which run would settle what a recording leaves open."""
+"""The next experiment: the run that would decide what a recording leaves open."""

@@ -1,4 +1,4 @@
-"""The runs that a bench could make next: the installed procedures, each with a few parameters within its limits."""
+"""Candidates for the next run: the installed procedures, each with a few parameter sets within the bench's limits."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from benchctl.toml_file import parse_toml
 from benchctl_instruments.errors import UsageError
 
 LONGEST_H = 24.0
-"""Runs that take longer are not proposed."""
+"""Longer runs are not proposed."""
 
 _FASTEST_HZ = (0.5, 2.0, 5.0, 10.0, 15.0)
 _PASSING = 0.15
-"""Share of the sample rate up to which the rate of an encoder is sure."""
+"""Maximum frequency, as a share of the sample rate, at which the encoder's rate is reliable."""
 _OF_RATE, _OF_ACCELERATION = 0.97, 0.6
 _ROUND_DIGITS = 3
 _SHORT_SOAK_S, _LONG_SOAK_S = 600.0, 3600.0
@@ -33,13 +33,13 @@ _LEAST_RAMP = 0.5
 
 
 def bench_of_recording(meta: Meta) -> Bench | None:
-    """The bench.toml that a recording of ours brings; None of a foreign one."""
+    """Return the bench.toml stored in our own recordings; None for a foreign recording."""
     text = meta.provenance.get("bench_toml")
     return parse_toml(text, Bench, "bench.toml of the recording") if text else None
 
 
 def shown_bench(problem: GyroProblem) -> Bench:
-    """A bench that may do what a recording shows it to have done, and no more."""
+    """Return a bench whose limits are the range of motion and temperature in a recording."""
     frame, usable = problem.frame, problem.usable
     rate, acceleration = (np.abs(problem.coordinates[name][usable]) for name in ("rate", "acceleration"))
     air = frame.chamber_c if np.isfinite(frame.chamber_c).all() else frame.temp_c
@@ -65,26 +65,26 @@ def shown_bench(problem: GyroProblem) -> Bench:
 
 
 def called(given: Mapping[str, Any], plan: Plan) -> str:
-    """A plan in words: its procedure, and the parameters that are not the defaults."""
-    told = ", ".join(f"{name} {value}" for name, value in as_texts(given).items())
-    return f"`{plan.procedure}`{f' with {told}' if told else ''}"
+    """Return a text for a plan: its procedure and the parameters that differ from the defaults."""
+    settings = ", ".join(f"{name} {value}" for name, value in as_texts(given).items())
+    return f"`{plan.procedure}`{f' with {settings}' if settings else ''}"
 
 
 def candidates(bench: Bench) -> Iterator[tuple[Mapping[str, Any], Plan]]:
-    """Plans that `benchctl check` finds nothing wrong with, each with the parameters that are not the defaults."""
+    """Yield plans without problems in `benchctl check`, each with the parameters that differ from the defaults."""
     sets = dict(_sets(bench))
     for name, procedure in installed_procedures():
         for given in ({}, *sets.get(name, ())):
             try:
                 plan = procedure.expand(as_texts(given))
             except UsageError:
-                continue  # somebody else's procedure of the same name has other parameters
+                continue  # another author's procedure of the same name has other parameters
             if not problems(plan, bench):
                 yield given, plan
 
 
 def _sets(bench: Bench) -> Iterator[tuple[str, Sequence[Mapping[str, Any]]]]:
-    """By procedure, parameters that suit the bench."""
+    """Yield parameter sets that suit the bench, by procedure."""
     limits = bench.limits
     rate = _round(_OF_RATE * min(limits.rate_dps, bench.unit.range_dps))
     acceleration = _round(_OF_ACCELERATION * limits.acceleration_dps2)
@@ -153,7 +153,7 @@ def _sets(bench: Bench) -> Iterator[tuple[str, Sequence[Mapping[str, Any]]]]:
 
 
 def _round(value: float) -> float:
-    """Rounded towards zero to a few digits: a limit is not passed by it."""
+    """Round towards zero to a few digits, so that a limit is not exceeded."""
     if value <= 0.0:
         return value
     unit = 10.0 ** (math.floor(math.log10(value)) - _ROUND_DIGITS + 1)
@@ -161,5 +161,5 @@ def _round(value: float) -> float:
 
 
 def two_digits(value: float) -> str:
-    """Two digits, without an exponent."""
+    """Return a number with two digits, without an exponent."""
     return f"{float(f'{value:.2g}'):.10g}"

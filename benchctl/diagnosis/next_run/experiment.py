@@ -1,8 +1,9 @@
-"""The next experiment: of the runs that the bench could make, the one that settles what a recording leaves open.
+"""The next experiment: of the possible runs of the bench, the one that best decides what a recording leaves open.
 
-For each run what the finding's model would put out is predicted, and the rival's numbers are refitted to that, held by
-what the recording already says of them: what then is left, over the noise, is by how much twice the log likelihood is
-expected to part the two. The quickest run that settles everything is chosen; where none does, the one that does most.
+For each run the output is predicted with the finding's model, and the rival's parameters are refitted to it, with the
+recording's information on them as a constraint. The remaining difference relative to the noise is the expected
+separation of the two models in twice the log likelihood. The quickest run that separates all pairs is chosen, else the
+one that separates most.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ from benchctl.estimation.fit import Fit
 from benchctl.plan import Plan
 
 ALIKE = 10.0
-"""Two effects are alike where twice the log likelihood parts them by less: odds of 150 to 1 at the most."""
+"""Two effects are alike if twice the log likelihood separates them by less: odds of at most 150 to 1."""
 SETTLED = 50.0
-"""What is expected must be so much: what noise then leaves of it, 2·√50 less or more, is beyond doubt all the same."""
+"""Required expected separation; the actual value varies by 2·√50 because of noise and is still significant."""
 _MOST_PAIRS = 3
 NOTHING_OPEN = NextExperiment(says="No further experiment is needed to separate the candidates.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenPair:
-    """Two models that a recording leaves open, each fitted to it: the finding's, and one with a rival in its place."""
+    """Two models that a recording leaves open, each fitted to it: the finding's, and the one with a rival instead."""
 
     finding: str
     rival: str
@@ -43,7 +44,7 @@ class OpenPair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expected:
-    """A candidate and by how much it is expected to part each pair, in twice the log likelihood."""
+    """A candidate run and its expected separation of each pair, in twice the log likelihood."""
 
     given: Mapping[str, Any]
     plan: Plan
@@ -52,12 +53,12 @@ class Expected:
 
     @property
     def settles(self) -> bool:
-        """Whether nothing stays open."""
+        """Whether all pairs are separated."""
         return min(self.separations) >= SETTLED
 
     @property
     def worth(self) -> float:
-        """What it settles; beyond what settles a pair, nothing counts."""
+        """The total separation; for each pair at most the required one counts."""
         return sum(min(one, SETTLED) for one in self.separations)
 
 
@@ -69,22 +70,23 @@ def next_experiment(
     bench: Bench | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> NextExperiment:
-    """The run that settles what is open between pairs of models; without a bench, one like what this one has done.
+    """Return the run that separates pairs of models; without a bench, within the limits this recording shows.
 
-    It is the quickest of those expected to part every pair by `SETTLED`, else the one that parts most, of up to a day.
+    It is the quickest run expected to separate every pair by `SETTLED`, else the one that separates most, of up to a
+    day.
     """
     if not pairs:
         return NOTHING_OPEN
     considered = sorted(pairs, key=lambda one: one.second.squares)[:_MOST_PAIRS]
-    stands = bench or shown_bench(problem)
+    target = bench or shown_bench(problem)
     known = [known_from(one.second, anew="U0_v") for one in considered]
     tried: list[Expected] = []
-    priced = [(bench_time_s(plan, stands) / 3600.0, given, plan) for given, plan in candidates(stands)]
+    priced = [(bench_time_s(plan, target) / 3600.0, given, plan) for given, plan in candidates(target)]
     for hours, given, plan in sorted(priced, key=lambda one: one[0]):
         if hours > LONGEST_H or (tried and tried[-1].settles):
             break
         progress(called(given, plan))
-        rows = planned(plan, stands, tuple(problem.frame.auxiliary))
+        rows = planned(plan, target, tuple(problem.frame.auxiliary))
         parts = tuple(
             expected_separation(problem, noise, one.first, two, rows)
             for one, two in zip(considered, known, strict=True)
@@ -94,7 +96,7 @@ def next_experiment(
 
 
 def expected_separation(problem: GyroProblem, noise: SampleNoise, first: Fit, second: Known, rows: Planned) -> float:
-    """By how much a plan's rows are expected to part two models, the second refitted to the first."""
+    """Return the expected separation of two models in a plan's rows, with the second refitted to the first."""
     there = replace(
         problem,
         frame=rows.frame,
@@ -107,7 +109,7 @@ def expected_separation(problem: GyroProblem, noise: SampleNoise, first: Fit, se
 
 
 def best_of(tried: Iterable[Expected]) -> Expected | None:
-    """The quickest that settles everything, else that which settles most, the quicker one where two do as much."""
+    """Return the quickest run that separates all pairs, else the one that separates most; ties go to the quicker."""
     ranked = sorted(tried, key=lambda one: (not one.settles, one.hours if one.settles else -one.worth, one.hours))
     return ranked[0] if ranked else None
 

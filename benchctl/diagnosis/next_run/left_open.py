@@ -1,4 +1,4 @@
-"""What a diagnosis leaves open, and the run that would settle it."""
+"""The questions that a diagnosis leaves open, and the run that would decide them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def next_of(
     meta: Meta,
     progress: Callable[[str, float], None],
 ) -> NextExperiment:
-    """The run that best parts each finding from its nearest alternative, or that shows more of what nobody explains."""
+    """Return the run that best separates each finding from its nearest alternative, or shows what is unexplained."""
     if not isinstance(problem, GyroProblem):
         return next_by_hand(problem, findings, unexplained)
     bench = bench_of_recording(meta)
@@ -58,7 +58,7 @@ _TOGETHER = "and diagnose both recordings together"
 
 
 def next_by_hand(problem: Problem, findings: Sequence[Finding], unexplained: Unexplained) -> NextExperiment:
-    """The run that parts the findings from their alternatives, or that shows more of what is unexplained."""
+    """Return the run that separates the findings from their alternatives, or shows more of the unexplained part."""
     open_ones = [one for one in findings if one.alternatives]
     names = tuple(dict.fromkeys(name for one in open_ones for name in (one.effect, one.alternatives[0].effect)))
     if isinstance(problem, DriveProblem) and problem.turns_one_way and (findings or unexplained.significant):

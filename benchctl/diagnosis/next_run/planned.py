@@ -1,7 +1,7 @@
-"""A plan as rows that a gyro's problem can predict: its motion and its temperatures, before it has been run.
+"""A plan as rows that a gyro's problem can predict: motion and temperatures before the plan is run.
 
-A step is represented by a few excerpts spread over it, sampled no faster than its plan's fastest motion asks for; a row
-stands for as many samples of the digitizer as lie between two excerpts' rows.
+A step is represented by a few excerpts spread over it, sampled only as fast as the plan's fastest motion requires. Each
+row represents a number of the digitizer's samples, so that the rows together represent the complete step.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ _PERIODS = 3.0
 _APART_S = 60.0
 _MOST_EXCERPTS = 10
 _EDGE_S, _EDGE_ROWS = 0.25, 10
-"""At either end of an excerpt a filter does not know what was before; those rows do not count."""
+"""Length of the ends of an excerpt that do not count, because a filter lacks the previous values there."""
 _SAMPLES_A_PERIOD = 10.0
 _OF_SLOW_MOTION, _SLOW_HZ = 24.0, 4.0
 _LEAST_HZ = 20.0
 _THINNED = (1, 2, 3, 5, 7, 11, 13, 17, 23, 31, 43, 59)
-"""Of so many samples one: primes, so that a line at a frequency that divides the sample rate does not stand still."""
+"""Factors of sample reduction: primes, so that a line at a divisor of the sample rate is not aliased to zero."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Planned:
-    """The rows of a plan. `stands_for` (n,) is how many samples a row stands for, 0 where it does not count."""
+    """The rows of a plan. `stands_for` (n,) is the number of samples that a row represents, 0 if it does not count."""
 
     frame: Frame
     stands_for: FloatArray
@@ -47,7 +47,7 @@ class Planned:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Excerpt:
-    """So many rows of a step, the first at `start_s` of the plan and `into_s` of the step's stream."""
+    """A number of rows of a step, the first at `start_s` of the plan and `into_s` of the step's stream."""
 
     place: int
     step: Step
@@ -61,9 +61,9 @@ class _Excerpt:
 
 
 def planned(plan: Plan, bench: Bench, auxiliary: Sequence[str] = ()) -> Planned:
-    """The rows of a plan on a bench that stands at its safe set point; `auxiliary` channels stay as they are.
+    """Return the rows of a plan on a bench that starts at its safe set point; `auxiliary` channels are constant.
 
-    The chamber's and the gyro's lags are those of the simulated bench: of a real one nobody knows them beforehand.
+    Lags of chamber and gyro are those of the simulated bench, as those of a real one are not known beforehand.
     """
     rate_hz = bench.digitizer.sample_rate_hz
     fastest_hz = max(_frequency_hz(step) or 0.0 for step in plan.steps)
@@ -88,7 +88,7 @@ def _frequency_hz(step: Step) -> float | None:
 def _excerpts(
     steps: Sequence[Step], times: Sequence[tuple[float, float, float]], bench: Bench, interval_s: float
 ) -> Iterator[_Excerpt]:
-    """Every streamed step's excerpts, the climate carried on from one to the next; none of a unit mounted across."""
+    """Yield the excerpts of every streamed step, with a continuous climate; none while a unit is mounted across."""
     climate = _Climate(bench)
     for place, (step, (start_s, end_s, _), position) in enumerate(zip(steps, times, positions(steps), strict=True)):
         if isinstance(step, Soak):
@@ -124,7 +124,7 @@ def _excerpts(
 
 
 class _Climate:
-    """Air and thermistor over the time of a plan; asked and set in the order of time."""
+    """Air and thermistor temperature over the time of a plan; calls must be in order of time."""
 
     def __init__(self, bench: Bench) -> None:
         self._parameters = ChamberParameters(ramp_c_per_min=bench.limits.ramp_c_per_min)
@@ -138,14 +138,14 @@ class _Climate:
         self._state = replace(self._state, setpoint_c=setpoint_c)
 
     def at(self, now_s: float) -> tuple[float, float]:
-        """Thermistor and air, °C."""
+        """Return the temperatures of thermistor and air [°C]."""
         self._state = advance(self._parameters, self._room_c, self._state, max(now_s - self._now_s, 0.0))
         self._now_s = max(now_s, self._now_s)
         return self._state.housing_c, self._state.air_c
 
 
 def _edge(rows: int, interval_s: float) -> int:
-    """How many rows at either end do not count."""
+    """Return how many rows at either end do not count."""
     return min(max(round(_EDGE_S / interval_s), _EDGE_ROWS), (rows - 1) // 3)
 
 
@@ -188,9 +188,9 @@ def _frame(plan: Plan, excerpts: Sequence[_Excerpt], interval_s: float, auxiliar
 
 
 def _motion(excerpt: _Excerpt, interval_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Angle, rate and acceleration of the table, shape (n,) each, as the step asks for them.
+    """Return the commanded angle, rate and acceleration of the table, shape (n,) each.
 
-    A swing begins where it turns back: about that point it is odd, as filters take it to have been before.
+    A swing starts at its turning point, so that it continues smoothly into the past that filters assume.
     """
     t = interval_s * np.arange(excerpt.rows, dtype=np.float64)
     match excerpt.step:

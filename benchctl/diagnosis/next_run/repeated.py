@@ -1,4 +1,4 @@
-"""The next experiment where no two known effects are to be parted: what nobody can name, and what chance moves."""
+"""The next experiment if no two known effects must be separated: for unknown structures and for a wandering bias."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ _MOVED_BY = {
     "step": "time",
     "setpoint": "gyro_temp_rate",
 }
-"""Coordinates that have no value before a run, or none to be spread, and what stands for them."""
+"""Coordinates that are unknown before a run or have no spread, and the coordinates used in their place."""
 
 
 def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Bench | None = None) -> NextExperiment:
-    """The run that, in its time, moves the coordinate of an unknown structure the most.
+    """Return the run that varies the coordinate of an unknown structure most per hour.
 
-    What counts is Σ(x − mean)² over the samples: by it the information on anything that is linear in x grows. Of
-    several coordinates, which the recording does not separate, the first is meant as far as it does not follow the
-    others.
+    The measure is Σ(x − mean)² over the samples, which is proportional to the information on a linear dependence on x.
+    Of several coordinates that the recording does not separate, the part of the first that is independent of the others
+    is used.
     """
     if not coordinates:
         return NextExperiment(
             says="The unexplained part follows no single coordinate: repeat the recording; what repeats is of the unit."
         )
     meant = coordinates[0]
-    stands = bench or shown_bench(problem)
+    target = bench or shown_bench(problem)
     others = coordinates[1:]
     now = _spread(problem.coordinates, meant, problem.usable.astype(np.float64), others)
     best = None
-    for given, plan in candidates(stands):
-        hours = bench_time_s(plan, stands) / 3600.0
+    for given, plan in candidates(target):
+        hours = bench_time_s(plan, target) / 3600.0
         if hours > LONGEST_H:
             continue
-        rows = planned(plan, stands, tuple(problem.frame.auxiliary))
+        rows = planned(plan, target, tuple(problem.frame.auxiliary))
         there = replace(problem, frame=rows.frame, band=None)
         power = _spread(there.coordinates, meant, rows.stands_for, others)
         if best is None or power / hours > best[0] / best[2]:
@@ -66,9 +66,9 @@ def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Ben
 
 
 def rest_longer(problem: GyroProblem, names: Sequence[str], *, bench: Bench | None = None) -> NextExperiment:
-    """The run that tells apart how a bias wanders: rest, as long as there is time for."""
-    stands = bench or shown_bench(problem)
-    rests = [(given, plan) for given, plan in candidates(stands) if plan.procedure == "static" and given]
+    """Return the run that distinguishes kinds of bias wander: the longest rest available."""
+    target = bench or shown_bench(problem)
+    rests = [(given, plan) for given, plan in candidates(target) if plan.procedure == "static" and given]
     if not rests:
         return NextExperiment(
             says=f"A long rest would separate {' from '.join(names)}; no procedure for one is installed.",
@@ -84,9 +84,9 @@ def rest_longer(problem: GyroProblem, names: Sequence[str], *, bench: Bench | No
 
 
 def _spread(known: Mapping[str, FloatArray], coordinate: str, samples: FloatArray, others: Sequence[str] = ()) -> float:
-    """Σ(x − mean)² over samples, of an angle in turns of the unit circle; of two coordinates that of their product.
+    """Return Σ(x − mean)² over samples; for an angle, of its unit vector; for two coordinates, of their product.
 
-    What of it is linear in the coordinates `others` does not count.
+    The part that is linear in the coordinates `others` is removed.
     """
     product = np.ones(samples.size)
     for name in coordinate.split("*"):

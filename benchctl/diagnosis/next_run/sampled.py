@@ -1,4 +1,4 @@
-"""The noise of a sample, carried over to the rows of a plan that has not been run."""
+"""The noise of a sample, transferred to the rows of a plan that has not been run."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from benchctl_instruments.arrays import FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleNoise:
-    """White noise of every sample [V], and the random walk of the bias beside it [V/√s]."""
+    """White noise of every sample [V], and the random walk of the bias in addition [V/√s]."""
 
     white_v: float
     walk_v_per_sqrt_s: float = 0.0
 
     def whitening(self, rows: Planned) -> Callable[[FloatArray], FloatArray]:
-        """What makes a column of a prediction (n,) into one whose noise would be white, of deviation one.
+        """Return a function that whitens a column of a prediction (n,), to noise of deviation one.
 
-        Where the bias walks, every excerpt begins at a level of its own, and its rows stand for themselves alone:
-        too little is promised then rather than too much.
+        If the bias walks, every excerpt starts at an independent level, and its rows represent only themselves: the
+        promised separation is then rather too small than too large.
         """
         if self.walk_v_per_sqrt_s <= 0.0:
             weight = np.sqrt(rows.stands_for) / self.white_v

@@ -1,1 +1,1 @@
-"""The unexplained rest: where it lives, and whether a name may stand for it."""
+"""The unexplained residual: where it occurs, and which effects may be named in spite of it."""

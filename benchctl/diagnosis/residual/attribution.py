@@ -1,4 +1,4 @@
-"""What may be named: findings that leave too much of what they explain are none, and the rest is said to be unknown."""
+"""Withdrawal of findings that leave too much of what they explain; the residual is then reported as unexplained."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffec
 _ROUNDS = 5
 _ARCSEC, _DIGITS = 3600.0, 7
 _ROUNDED = 0.1
-"""Share of the rounding's variance that may be left in lines, where the motion sweeps the steps alike each time."""
+"""Share of the rounding's variance that may remain in lines, if the motion sweeps the steps alike each time."""
 NOTHING = Unexplained(significant=False, share=0.0)
 
 
 def named(
     problem: Problem, chosen: Selection, *, rounding_v2: float = 0.0, contested: bool = False, seed: int
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
-    """The selection without the names that what is left forbids, what is left then, and what is to be noted.
+    """Return the selection without the findings that the residual forbids, the unexplained residual, and notes.
 
-    `rounding_v2` is the variance of what a coarse converter rounds off: it repeats with the motion, and is no noise.
-    A name that falls uncovers what it had followed; so the rest is looked at again until no more fall. Where the names
-    have been `contested`, and nothing does as well in their stead, only those fall that are small beside what is left.
+    `rounding_v2` is the variance of a coarse converter's rounding, which repeats with the motion and is not noise. As a
+    withdrawn finding uncovers what it had followed, the residual is tested again until no more are withdrawn. If the
+    findings were `contested` and no other model does as well, only those small relative to the residual are withdrawn.
     """
     if problem.disturbed:
         return chosen, _beside_disturbance(problem, chosen), ()
@@ -75,8 +75,8 @@ def named(
         chosen = settled_again(problem, reduced(problem, chosen, forbidden), fallen, seed=seed)
     if isinstance(problem, GyroProblem):
         chosen = _as_uncertain(chosen, rest)
-    of_all = {name: _beside(rest, chosen.after, one) for name, one in less.items()} | noises
-    if imperfect(of_all, rest, instead):
+    all_gains = {name: _beside(rest, chosen.after, one) for name, one in less.items()} | noises
+    if imperfect(all_gains, rest, instead):
         return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the model of what was found.",)
     before = fit(problem, chosen.noise.plain, chosen.before.point, chosen.before.fitted)
     ceiling = residual_structure_of(problem, chosen.noise.plain, before, seed=seed)
@@ -87,12 +87,12 @@ def named(
 
 
 def _too_small(problem: Problem, chosen: Selection, rest: ResidualStructure, agreed: set[str]) -> tuple[str, ...]:
-    """The key of the weakest finding along the motion, if chance beside that residual may gain as much; none otherwise.
+    """Return the key of the weakest finding along the motion if chance can gain as much with this residual, else ().
 
-    What it explains in the rows is set against the lack of fit there, by power (an F-test): the logarithm of a
-    likelihood is small where much is left. The gain of quantities that are compared beside the rows counts in full,
-    because the residual is not in them. So does a finding on which several recordings have `agreed`. An encoder error
-    smaller than one step of the encoder is rounding, which repeats with the motion.
+    The power it explains in the rows is compared with the lack of fit (an F-test), because the logarithm of a
+    likelihood is small if much is left. The gain in quantities compared in addition to the rows counts in full, as the
+    residual does not contain them. A finding on which several recordings agree (`agreed`) is kept. An encoder error
+    smaller than one encoder step is rounding that repeats with the motion.
     """
     gains: dict[str, float] = {}
     for key, effect in zip(chosen.evidence, chosen.after.point.effects, strict=True):
@@ -118,7 +118,7 @@ def _is_rounding(problem: Problem, effect: EncoderEffect) -> bool:
 
 
 def _as_uncertain(chosen: Selection, rest: ResidualStructure) -> Selection:
-    """The selection, the losses of its rivals divided by the lack of fit along the motion."""
+    """Return the selection with the losses of its rivals divided by the lack of fit along the motion."""
     share = 1.0 / lack_of_fit(rest)
     evidence = {
         key: replace(one, rivals={name: share * loss for name, loss in one.rivals.items()})
@@ -128,9 +128,9 @@ def _as_uncertain(chosen: Selection, rest: ResidualStructure) -> Selection:
 
 
 def _agreed(problem: Problem, chosen: Selection) -> set[str]:
-    """Keys of delays and filters that several recordings agree on.
+    """Return the keys of delays and filters that several recordings confirm.
 
-    At one frequency a function of the acceleration does the same in their stead, and more; at several it does not.
+    At a single frequency a function of the acceleration could replace them; at several frequencies it cannot.
     """
     if not problem.recorded.any():
         return set()
@@ -139,9 +139,9 @@ def _agreed(problem: Problem, chosen: Selection) -> set[str]:
 
 
 def _shared(chosen: Selection) -> dict[str, tuple[str, ...]]:
-    """By the key of each finding those that share what it explains: itself, and what it looks like.
+    """Return, by key of each finding, the findings that share its explanation: itself and its look-alikes.
 
-    Beside a delay a mount that gives way brings little, and it beside the mount; what the two bring together is theirs.
+    A compliant mount, for example, adds little to a delay, and a delay little to the mount; their joint gain is shared.
     """
     effects = dict(zip(chosen.evidence, chosen.after.point.effects, strict=True))
     return {
@@ -151,7 +151,7 @@ def _shared(chosen: Selection) -> dict[str, tuple[str, ...]]:
 
 
 def _beside_disturbance(problem: Problem, chosen: Selection) -> Unexplained:
-    """What is left beside the disturbance that a selection leaves: every finding has competed with it already."""
+    """Return what is unexplained in addition to a disturbance; every finding has already competed with it."""
     after = beside_disturbance(problem, chosen.after)
     rest = residual_structure_beside(problem, after.whitener, after)
     if not rest.significant:
@@ -162,12 +162,12 @@ def _beside_disturbance(problem: Problem, chosen: Selection) -> Unexplained:
 
 
 def _beside(rest: ResidualStructure, fitted: Fit, less: Fit) -> float:
-    """What a finding explains, in the measure of the gain of the rest: by power, which no logarithm makes small."""
+    """Return the power that a finding explains, on the scale of the gain of the residual structure."""
     return _by_power(rest, fitted, less.squares - fitted.squares)
 
 
 def _by_power(rest: ResidualStructure, fitted: Fit, squares: float) -> float:
-    """A sum of squares that something explains, in the measure of the gain of the rest."""
+    """Return an explained sum of squares on the scale of the gain of the residual structure."""
     return max(squares, 0.0) / max(fitted.rows, 1.0) / max(rest.power, 1e-300) * rest.gain
 
 
@@ -176,16 +176,16 @@ def _squares(fitted: Fit, rows: BoolArray) -> float:
 
 
 def _in_rows(problem: Problem, fitted: Fit, less: Fit) -> float:
-    """What a finding gains in the rows alone: a coordinate explains nothing of what is compared beside them."""
+    """Return a finding's gain in the rows alone, because a coordinate cannot explain the spectral residual."""
     rows = fitted.fitted[problem.step]
     good, bad = (max(_squares(one, rows), 1e-300) for one in (fitted, less))
     return max(fitted.rows * math.log(bad / good), 0.0)
 
 
 def _beside_time(rest: ResidualStructure, fitted: Fit) -> ResidualStructure:
-    """What is left along coordinates other than time and step, as of a drive or a chamber.
+    """Return the residual structure along coordinates other than time and step, for a drive or a chamber.
 
-    They move once or twice in a recording: time and step follow anything that is left, and speak against no name.
+    These change state only once or twice per recording: time and step follow any residual and argue against no finding.
     """
     others = [one for one in rest.looked if not {"time", "step"} & {*"*".join(one.words).split("*")}]
     best = max(others, key=lambda one: one.promise, default=None)
@@ -195,21 +195,21 @@ def _beside_time(rest: ResidualStructure, fitted: Fit) -> ResidualStructure:
 
 
 def _noises(chosen: Selection, rest: ResidualStructure) -> dict[str, float]:
-    """What was found of the noise gains; a wandering bias what it does beside the effects that are left."""
+    """Return the gains of the noise findings; for a slow process its gain with the remaining effects in the model."""
     return {name: rest.noise_gain if name in PROCESSES else one.gain for name, one in chosen.noise.found.items()}
 
 
 def owed_to_the_table(problem: Problem, largest_v: float) -> bool:
-    """Whether a change of the output is no more than what commanded rates may be wrong by."""
+    """Return whether a change of the output is within the error of commanded rates."""
     return isinstance(problem, PointsProblem) and largest_v < problem.rate_error_v
 
 
 def without_the_tables_own(problem: Problem, chosen: Selection) -> tuple[Selection, tuple[str, ...]]:
-    """The selection without effects that the table itself may have made, the smallest first, and what is to be noted.
+    """Return the selection without effects that the table may have caused, the smallest first, and notes.
 
-    Nobody measured the rates of static points. What they are wrong by repeats with every visit, so that scatter does
-    not show it, and it looks like a nonlinearity or an asymmetry of the gyro. Of other parts, and of recordings with an
-    encoder, everything stays.
+    The rates of static points were commanded, not measured. Their errors repeat with every visit, so that scatter does
+    not show them, and look like a nonlinearity or asymmetry of the gyro. For other parts, and for recordings with an
+    encoder, all effects are kept.
     """
     if not isinstance(problem, PointsProblem):
         return chosen, ()
@@ -231,6 +231,6 @@ def without_the_tables_own(problem: Problem, chosen: Selection) -> tuple[Selecti
 
 
 def _change_v(one: Fit, other: Fit) -> float:
-    """By how much two fits differ at most, on rows that count."""
+    """Return the maximum difference of two fits on rows that count."""
     counted = one.whitener.weight > 0.0
     return float(np.abs(one.predicted - other.predicted)[counted].max())

@@ -1,7 +1,7 @@
-"""What happens once, or again and again, in time: a jump of the bias, a bump, a line of any frequency.
+"""Events in time: a jump of the bias, a bump, and a line of any frequency.
 
-Broken lines in time follow these too, but so they follow a wandering bias; three numbers that explain as much do not.
-Each is looked for everywhere, the likeliest place is kept, and how many places there were is counted against it.
+Broken lines in time follow these too, but they also follow a wandering bias; an equal gain with three parameters is
+specific. Each event is searched everywhere; the best place is kept, and the number of places is charged to its gain.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from benchctl.signals.blocks import BLOCK, block_starts
 from benchctl_instruments.arrays import FloatArray
 
 _SLOW_HZ = 0.1
-"""Below it a line is a swing in time."""
+"""Frequency below which a line is called a swing."""
 _WIDTHS_S = tuple(np.geomspace(3.0, 300.0, 21).tolist())
 _REACH = 5.0
 _ROOT = math.sqrt(2.0)
 _COLOUR_HZ = 0.25
 _LOUD = 40.0
 _LEAST = 1e-3
-"""Share of the rows that must lie on either side of a jump."""
+"""Minimum share of the rows on either side of a jump."""
 _FINE = 61
 _STEADY = 0.8
 _SCATTER = 3.0
-"""Share of what lines of each step's own explain that one line through all of them must reach."""
+"""Share of the gain of separate lines per step that one line must reach; deviations by which that gain may scatter."""
 
 
 def jump(left: ScoreTest, time_s: FloatArray) -> Group:
-    """The instant at which a jump of the bias explains most."""
+    """Return the group for a jump of the bias at the instant where it explains most."""
     sums = _summed(left)
     after = sums[::-1].cumsum(axis=0)[::-1]
     gain = _gain(after[:, 0], after[:, 1], after[:, 2:], left)
@@ -45,7 +45,7 @@ def jump(left: ScoreTest, time_s: FloatArray) -> Group:
     gain[(rows < _LEAST * rows[0]) | (rows > (1.0 - _LEAST) * rows[0])] = 0.0
     block = int(np.argmax(gain))
     near = slice(max(block - 1, 0) * BLOCK, min((block + 2) * BLOCK, time_s.size))
-    # within a block of the likeliest one, to the sample
+    # to the sample, within one block of the best block
     rest = left.white[near]
     place = near.start + int(np.argmax(np.abs(np.cumsum(rest - rest.mean()))))
     counted = np.flatnonzero(left.rows)
@@ -62,7 +62,7 @@ def jump(left: ScoreTest, time_s: FloatArray) -> Group:
 
 
 def bump(left: ScoreTest, time_s: FloatArray, interval_s: float) -> Group:
-    """The instant and the width at which a bump of the bias explains most."""
+    """Return the group for a bump of the bias with the instant and width at which it explains most."""
     cell_s = BLOCK * interval_s
     cell = ((time_s - time_s[0]) / cell_s).astype(np.int64)
     parts = [left.white, left.rows, *left.known.T]
@@ -98,7 +98,7 @@ def bump(left: ScoreTest, time_s: FloatArray, interval_s: float) -> Group:
 
 
 def lines(left: ScoreTest, time_s: FloatArray, interval_s: float, step: npt.NDArray[np.int64]) -> Iterator[Group]:
-    """The likeliest line below 0.1 Hz, and above it; there the steps that a line is in must be most of them."""
+    """Yield the likeliest line below 0.1 Hz, and the likeliest above, if the latter is present in most steps."""
     place = np.rint((time_s - time_s[0]) / interval_s).astype(np.int64)
     if int(place[-1]) > 8 * time_s.size:
         return
@@ -107,13 +107,13 @@ def lines(left: ScoreTest, time_s: FloatArray, interval_s: float, step: npt.NDAr
     size = scipy.fft.next_fast_len(2 * grid.size, real=True)
     power = np.abs(scipy.fft.rfft(grid, size)) ** 2 * 2.0 / left.squares
     frequency = scipy.fft.rfftfreq(size, interval_s)
-    # coloured noise is no line: it is the mean of its neighbours that a line stands out of
+    # coloured noise is not a line: a line must exceed the mean of its neighbours
     around = uniform_filter1d(np.minimum(power, _LOUD), max(3, int(_COLOUR_HZ * size * interval_s))) / 2.0
     centre = 0.5 * (time_s[0] + time_s[-1])
     span = 0.5 * max(float(np.ptp(time_s)), interval_s)
     for slow in (True, False):
         chosen = np.flatnonzero((frequency < _SLOW_HZ) == slow)
-        if not chosen.size:  # rows too far apart to see so fast a line
+        if not chosen.size:  # the interval is too long for such a fast line
             continue
         level = power[chosen] / (1.0 if slow else np.maximum(around[chosen], 1.0))
         best = _refined(left, time_s, float(frequency[chosen[int(np.argmax(level))]]), 0.5 / span)
@@ -131,7 +131,7 @@ def lines(left: ScoreTest, time_s: FloatArray, interval_s: float, step: npt.NDAr
 
 
 def _refined(left: ScoreTest, time_s: FloatArray, frequency: float, width: float) -> float:
-    """The frequency within `width` [Hz] of one at which a line explains most."""
+    """Return the frequency within `width` [Hz] of the given one at which a line explains most."""
     sums = np.add.reduceat(left.white * np.exp(-2j * np.pi * frequency * time_s), block_starts(time_s.size))
     near = np.linspace(-width, width, _FINE)
     turned = np.exp(-2j * np.pi * np.outer(near, time_s[block_starts(time_s.size)]))
@@ -143,9 +143,9 @@ def _line(both: FloatArray, slowly: FloatArray) -> Callable[[], FloatArray]:
 
 
 def _is_everywhere(left: ScoreTest, both: FloatArray, step: npt.NDArray[np.int64]) -> bool:
-    """Whether a line is the same in all steps: lines of their own in each step then explain hardly more.
+    """Return whether a line is the same in all steps: separate lines in each step then explain hardly more.
 
-    What follows the motion has its frequency too, but only while it moves so.
+    What follows the motion also has the motion's frequency, but only during that motion.
     """
     rows = np.maximum(np.bincount(step, left.rows), 1.0)
     scores = np.stack([np.bincount(step, column * left.white) for column in both.T])
@@ -153,13 +153,13 @@ def _is_everywhere(left: ScoreTest, both: FloatArray, step: npt.NDArray[np.int64
     together = 2.0 * float(np.sum(scores.sum(axis=1) ** 2)) / float(rows.sum()) / left.variance
     if together < FAINTEST**2 * float(rows.sum()):
         return False
-    # what chance adds to the sum of so many is 2 for each, and scatters
+    # for so many steps, chance adds 2 each to the sum, with some scatter
     by_chance = 2.0 * rows.size + _SCATTER * math.sqrt(4.0 * rows.size)
     return together > _STEADY * (alone - by_chance)
 
 
 class _Blurred:
-    """Columns (n, k) blurred by a Gaussian that reaches so many rows at most: as products in frequency."""
+    """Columns (n, k) blurred by a Gaussian of limited reach, computed as products in frequency."""
 
     def __init__(self, columns: FloatArray, farthest: int) -> None:
         self._rows = columns.shape[0]
@@ -167,7 +167,7 @@ class _Blurred:
         self._spectrum = scipy.fft.rfft(columns, self._size, axis=0)
 
     def __call__(self, cells: float, which: slice) -> FloatArray:
-        """Those of `which`, blurred over so many rows; beyond the ends there is nothing."""
+        """Return the columns `which`, blurred over so many rows, with zeros beyond the ends."""
         place = np.minimum(np.arange(self._size), self._size - np.arange(self._size))
         kernel = np.exp(-0.5 * (place / cells) ** 2)
         gain = scipy.fft.rfft(kernel / kernel.sum()).real
@@ -176,13 +176,13 @@ class _Blurred:
 
 
 def _summed(left: ScoreTest) -> FloatArray:
-    """Sums over blocks of what is left, of the rows and of what was fitted, shape (blocks, 2 + p)."""
+    """Return sums over blocks of the residual, of the rows and of the derivatives, shape (blocks, 2 + p)."""
     starts = block_starts(left.rows.size)
     parts = [np.add.reduceat(left.white, starts), np.add.reduceat(left.rows, starts)]
     return np.column_stack([*parts, np.add.reduceat(left.known, starts, axis=0)])
 
 
 def _gain(score: FloatArray, power: FloatArray, crossed: FloatArray, left: ScoreTest) -> FloatArray:
-    """Fall of the sum of squares for one column at each place, all that was fitted beside it, shape (places,)."""
+    """Return the fall of the sum of squares for one column at each place, all else refitted, shape (places,)."""
     own = power - np.einsum("ij,jk,ik->i", crossed, left.inverse, crossed)
     return np.where(own > 1e-3 * np.maximum(power, 1e-300), score**2 / np.maximum(own, 1e-300), 0.0)

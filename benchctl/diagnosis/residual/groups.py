@@ -1,9 +1,9 @@
-"""The coordinates in which a mismatch can live, each as columns that follow anything smooth in it.
+"""Coordinates in which a mismatch can occur, each as columns that follow any smooth function of it.
 
-Along a coordinate stand hat functions, each one at its knot and falling to zero at its neighbours': their sums are all
-broken lines. Unlike bins they do not part the rows of one set point by the encoder's noise. A column taken as it is
-changes the bias; multiplied by the rate, the scale factor; by the temperature's distance from the reference, what that
-does to either.
+The columns along a coordinate are hat functions, 1 at one knot and 0 at its neighbours; their sums are all broken
+lines. Unlike bins, they do not separate the rows of one set point by the encoder's noise. A column by itself changes
+the bias; multiplied by the rate, the scale factor; multiplied by the distance from the reference temperature, the
+temperature dependence of either.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ _ROUND = 36
 _TIME_S = 10.0
 _MOST_KNOTS = 400
 _BACKLASHES = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
-"""Half-widths, as shares of the largest rate: sums of such backlashes are any hysteresis (Prandtl and Ishlinskii)."""
+"""Half-widths as shares of the largest rate; sums of such play operators are any hysteresis (Prandtl, Ishlinskii)."""
 _STANDING = 0.002
-"""Share of the largest rate below which the sign of the rate is not yet full."""
+"""Share of the largest rate above which the sign column reaches ±1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Group:
-    """A coordinate in which a mismatch can live. `words` are those of `result.COORDINATES`, or two joined by `*`.
+    """A coordinate in which a mismatch can occur. `words` are those of `result.COORDINATES`, or two joined by `*`.
 
-    `along` (n,) is the coordinate itself, where one can say in which range of it the mismatch is largest; `form` is the
-    generic form of what the columns follow; `places` is how many places it was chosen from by a look at the data.
-    `columns` makes them, shape (n, k), not yet whitened.
+    `along` (n,) is the coordinate itself, if the range with the largest mismatch can be stated; `form` is the generic
+    form that the columns follow; `places` is the number of places among which the data chose this one. `columns`
+    computes the columns, shape (n, k), not whitened.
     """
 
     words: tuple[str, ...]
@@ -47,7 +47,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Along:
-    """How a coordinate is cut: knots, closer together at zero where `power` is above one."""
+    """The knots along a coordinate; with a `power` above one they are closer together at zero."""
 
     word: str
     knots: int
@@ -70,10 +70,10 @@ _SCALE = ("gyro_temp", "gyro_temp_rate", "chamber_temp")
 def groups_of(
     coordinates: Mapping[str, FloatArray], *, output: FloatArray, reference_c: float, slow: bool = False
 ) -> Iterator[Group]:
-    """All groups that a recording's coordinates, (n,) each, allow. Those of time and step are the last.
+    """Yield all groups that the coordinates of a recording, (n,) each, allow; those of time and step are the last.
 
-    `output` is the predicted one: sorted by the measured output, noise would look like a structure. With `slow` noise
-    knots are half as many and those of time are left out: it follows the same.
+    `output` is the predicted output: sorted by the measured one, noise would look like a structure. With `slow` noise
+    the number of knots is halved and time is left out, because slow noise follows the same functions.
     """
     known = {name: values for name, values in coordinates.items() if _varies(values)} | {"output": output}
     rate = known.get("rate")
@@ -110,7 +110,7 @@ def _unit(values: FloatArray) -> FloatArray:
 
 
 def _smooth(values: FloatArray, cut: _Along, slow: bool, share: FloatArray | None = None) -> Group:
-    """Anything smooth in one coordinate: in the bias, or in the scale factor where `share`, the rate, is given."""
+    """Return the group for a smooth function of one coordinate in the bias, or with `share` in the scale factor."""
     words = cut.word if share is None else "*".join(sorted((cut.word, "rate")))
     return Group(
         words=(words,),
@@ -121,7 +121,7 @@ def _smooth(values: FloatArray, cut: _Along, slow: bool, share: FloatArray | Non
 
 
 def _of_direction(rate: FloatArray, known: Mapping[str, FloatArray], slow: bool) -> Iterator[Group]:
-    """The sign of the rate, and whence the rate came: what it does depends on the rate, or on the acceleration."""
+    """Yield groups of the sign of the rate, of hysteresis in the rate, and of the acceleration in the scale factor."""
     largest = float(np.abs(rate).max())
     sign = np.clip(rate / (_STANDING * largest), -1.0, 1.0)
     yield Group(
@@ -199,7 +199,7 @@ def _time_columns(word: str, values: FloatArray, factor: FloatArray | None) -> C
 
 
 def _knots(values: FloatArray, count: int, power: float, slow: bool) -> FloatArray:
-    """Knots from the least to the largest value; with a power above one closer together at zero, shape (k,)."""
+    """Return knots from the smallest to the largest value, shape (k,); a power above one makes them denser at zero."""
     count = count // 2 + 1 if slow else count
     low, high = float(values.min()), float(values.max())
     if power == 1.0:
@@ -209,7 +209,7 @@ def _knots(values: FloatArray, count: int, power: float, slow: bool) -> FloatArr
 
 
 def _levels(values: FloatArray, factor: FloatArray | None) -> scipy.sparse.csr_array:
-    """One column for each step, 1 or the factor in it: a sparse matrix (n, steps)."""
+    """Return one column per step, with 1 or the factor in its rows: a sparse matrix (n, steps)."""
     place = values.astype(np.int32)
     data = np.ones(values.size) if factor is None else factor
     ends = np.arange(values.size + 1, dtype=np.int32)
@@ -221,7 +221,7 @@ def _beside(first: scipy.sparse.csr_array, second: scipy.sparse.csr_array) -> sc
 
 
 def _ring(angle_deg: FloatArray, count: int, factor: FloatArray | None = None) -> scipy.sparse.csr_array:
-    """Hat functions around the turn, times a factor (n,): a sparse matrix (n, count), two entries in a row."""
+    """Return hat functions around the turn, times a factor (n,): a sparse matrix (n, count), two entries per row."""
     place = np.mod(angle_deg, _TURN) * (count / _TURN)
     left = place.astype(np.int32) % count
     part = place - np.floor(place)

@@ -1,11 +1,11 @@
-"""The unexplained rest: whether what a fit leaves is noise, and if not, in which coordinate it lives.
+"""The residual structure: whether the residual of a fit is noise, and if not, in which coordinate it occurs.
 
-No effect is asked: whatever is smooth in a coordinate is followed by broken lines along it, and by how much twice the
-log likelihood would gain says how much any effect living there could explain. For the lab's own model, refitted, that
-is the ceiling of all that could be explained at all; for the model with the findings, what they fall short of it.
+The test uses no known effects: broken lines along a coordinate follow anything smooth in it, and their gain in twice
+the log likelihood shows how much any effect along it could explain. For the refitted lab model this is the ceiling of
+all that could be explained; for the model with the findings it is what they fail to explain.
 
-Several coordinates light up for one cause: step, time and temperature go together, output and rate are nearly the same.
-The one is taken that explains most with fewest numbers (Schwarz, Annals of Statistics 6, 1978).
+One cause is visible in several coordinates: step, time and temperature vary together, output and rate are nearly equal.
+The coordinate is chosen that explains most with the fewest parameters (Schwarz, Annals of Statistics 6, 1978).
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from benchctl_instruments.arrays import BoolArray, FloatArray
 Whitened = Callable[[Columns], Columns]
 
 CHANCE = 0.003
-"""How often noise alone may leave a significant rest, over all coordinates together."""
+"""Probability that noise alone leaves a significant structure, for all coordinates together."""
 SHORT = 10.0
-"""A finding that brings less than so many times what is left follows it to no better than a third of its size."""
+"""Minimum ratio of a finding's gain to that of the residual; below it, more than a third of its amplitude is left."""
 NOISES = ("bias_random_walk", "flicker_noise")
-"""Effects that are in the whitener rather than in the prediction."""
+"""Effects that are modelled in the whitener and not in the prediction."""
 
 _HALF = 0.5
-"""What a coordinate must bring in a finding's stead, as a share, for the finding to be doubted at all."""
+"""Minimum share of a finding's gain that a coordinate must reach in its place for the finding to be doubted."""
 _OWED = 100.0
-"""What is left is owed to the model of a finding that explains so many times more: a tenth of it, in amplitude."""
+"""The residual is attributed to a finding's model if the finding explains so much more: ten times in amplitude."""
 _AS_GOOD = 0.02
-"""Share of the best gain by which another coordinate may fall short and still be named beside it."""
+"""Maximum relative deficit in gain for another coordinate to be named together with the best."""
 _MOST_NAMED = 3
 _CELLS = 24
 _MOST_OF_IT = 0.6
@@ -48,49 +48,49 @@ _OF_MOTION = frozenset({"rate", "abs_rate", "rate_sign", "acceleration", "angle"
 
 
 class Whitens(Protocol):
-    """Makes the noise of a column (n,) white; `weight` (n,) is 0 where a row does not count."""
+    """A filter that makes the noise of a column (n,) white; `weight` (n,) is 0 for rows that do not count."""
 
     @property
     def weight(self) -> FloatArray:
-        """The inverse of each row's relative deviation."""
+        """The inverse of each row's relative noise deviation."""
 
     def __call__(self, column: FloatArray) -> FloatArray:
-        """The whitened column."""
+        """Return the whitened column."""
 
 
 class Fitted(Protocol):
-    """What is used of a fit, with arrays of shape (n,), (n, p) for derivatives, and of the steps for `fitted`."""
+    """The attributes of a fit used here; arrays of shape (n,), derivatives (n, p), `fitted` one value per step."""
 
     @property
     def predicted(self) -> FloatArray:
-        """The model's values."""
+        """The predicted values."""
 
     @property
     def residual(self) -> FloatArray:
-        """Measured less predicted."""
+        """Measured less predicted values."""
 
     @property
     def white(self) -> FloatArray:
-        """The same, whitened."""
+        """The whitened residual."""
 
     @property
     def raw_derivatives(self) -> FloatArray:
-        """Those of the prediction by everything that was fitted."""
+        """Derivatives of the prediction by all fitted parameters."""
 
     @property
     def derivatives(self) -> FloatArray:
-        """The same, whitened."""
+        """The whitened derivatives."""
 
     @property
     def fitted(self) -> BoolArray:
-        """The steps that it was fitted to."""
+        """The steps that the model was fitted to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Looked:
-    """One coordinate that was looked at. `log_p` has the places it was chosen from in it.
+    """The result for one tested coordinate. `log_p` accounts for the number of places it was selected from.
 
-    `promise` is the gain less what its numbers are worth by themselves.
+    `promise` is the gain less the penalty for its parameters.
     """
 
     words: tuple[str, ...]
@@ -104,12 +104,12 @@ class Looked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResidualStructure:
-    """What is left. `gain` is what the best coordinate would bring in twice the log likelihood, with `dof` numbers.
+    """The structure of a residual. `gain` is that of the best coordinate, `dof` the number of parameters it needs.
 
-    `log_p` and `threshold` are natural logarithms of chances. `power` is the mean square [whitened unit²] that it would
-    explain. `noise_gain` is what slow noise in the whitener brings; `for_noise` says that the best coordinate, with
-    white noise, brings as much as that: then the noise is a structure, and all the rest is said of white noise. `event`
-    is the line, jump or bump that it is.
+    Gains are in twice the log likelihood, `log_p` and `threshold` natural logarithms of probabilities. `power` is the
+    mean square [whitened unit²] that the coordinate would explain. `noise_gain` is the gain of slow noise in the
+    whitener; if `for_noise`, the best coordinate gains as much with white noise, the slow noise is a structure, and all
+    other fields refer to white noise. `event` is the line, jump or bump, if the structure is one.
     """
 
     significant: bool
@@ -128,7 +128,7 @@ class ResidualStructure:
     event: Group | None = None
 
     def share_of(self, ceiling: ResidualStructure) -> float:
-        """What is left as a share of what could be explained from the baseline alone, 0 to 1."""
+        """Return the residual structure as a share of what could be explained of the baseline's residual, 0 to 1."""
         if not self.significant or ceiling.power <= 0.0:
             return 0.0
         return min(self.power / ceiling.power, 1.0)
@@ -136,7 +136,7 @@ class ResidualStructure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """Every coordinate looked at in one residual; of the most promising its group, and what was seen of it."""
+    """The results for all coordinates of one residual, with the group and the score of the most promising one."""
 
     looked: tuple[Looked, ...]
     group: Group
@@ -145,9 +145,9 @@ class View:
 
 
 def residual_structure_of(problem: Problem, whitener: Whitens, fit: Fitted, *, seed: int = 0) -> ResidualStructure:
-    """What a fit leaves on the steps that it was fitted to.
+    """Return the structure of a fit's residual on the steps that it was fitted to.
 
-    Where the whitener has slow noise in it, white noise with a structure in its stead is looked at first.
+    If the whitener contains slow noise, a structure with white noise is tested first in its place.
     """
     weight = whitener.weight
     rows = fit.fitted[problem.step] & (weight > 0.0)
@@ -163,14 +163,14 @@ def residual_structure_of(problem: Problem, whitener: Whitens, fit: Fitted, *, s
 
 
 def residual_structure_beside(problem: Problem, whitener: Whitens, fit: Fitted) -> ResidualStructure:
-    """The same beside a disturbance that is known to be there, which the whitener makes white."""
+    """Return the residual structure in addition to a known disturbance, which the whitener makes white."""
     rows = fit.fitted[problem.step] & (whitener.weight > 0.0)
     white = ScoreTest(fit.white, fit.derivatives, rows)
     return _told(problem, look(white, _groups(problem, fit, white, slow=True), _through(whitener)), 0.0)
 
 
 def _is_for_noise(structure: View, plain: ScoreTest, whitener: Whitens, noise_gain: float) -> bool:
-    """Whether a structure explains as much as slow noise does, and leaves nothing for it."""
+    """Return whether a structure explains as much as slow noise and leaves nothing for it to explain."""
     if max(one.promise for one in structure.looked) <= noise_gain:
         return False
     left = plain.without(structure.seen.profile)
@@ -184,12 +184,12 @@ def _is_for_noise(structure: View, plain: ScoreTest, whitener: Whitens, noise_ga
 def instead_of(
     problem: Problem, whitener: Whitens, without: Fitted, rest: ResidualStructure, *, seed: int = 0
 ) -> float:
-    """What the coordinate of a rest brings in the place of a finding, less what its numbers are worth.
+    """Return what the coordinates of a residual structure gain in place of a finding, less the parameter penalty.
 
-    `without` is the fit of everything but the finding. A finding that is right brings more than anything smooth in a
-    coordinate does in its stead; what the coordinate brings beside the finding as well is not in its stead. Steps do
-    not count: what each step does by itself follows almost anything. Of lines, jumps and bumps only the rest's own
-    counts: another one, at another place, is nothing that the rest shows.
+    `without` is the fit without the finding. A correct finding gains more than anything smooth in a coordinate does in
+    its place; the coordinate's gain with the finding in the model is subtracted. Steps are not used, because a separate
+    value for each step follows almost anything. Of lines, jumps and bumps only the event of `rest` is used, as another
+    event at another place is not part of this residual.
     """
     rows = without.fitted[problem.step] & (whitener.weight > 0.0)
     left = ScoreTest(without.white, without.derivatives, rows)
@@ -199,20 +199,20 @@ def instead_of(
     groups = [one for one in _smooth_groups(problem, without, slow=not plain) if words.issuperset(one.words)]
     if rest.event is not None:
         groups.append(rest.event)
-    beside = {(one.words, one.form): max(one.promise, 0.0) for one in rest.looked}
+    with_finding = {(one.words, one.form): max(one.promise, 0.0) for one in rest.looked}
     looked = look(left, groups, whitened).looked if groups else ()
-    return max((one.promise - beside.get((one.words, one.form), 0.0) for one in looked), default=0.0)
+    return max((one.promise - with_finding.get((one.words, one.form), 0.0) for one in looked), default=0.0)
 
 
 def withdrawn(
     gains: Mapping[str, float], rest: ResidualStructure, instead: Mapping[str, float] | None = None
 ) -> tuple[str, ...]:
-    """Findings that the rest forbids to name; `gains` are in twice the log likelihood, what each alone brings.
+    """Return the findings that the residual structure forbids; `gains` in twice the log likelihood are per finding.
 
-    A right model of an effect leaves nearly nothing of what it explains, a wrong one that follows it half leaves much:
-    a finding stands where it brings more than `SHORT` times what is left, or where the coordinate itself in its stead
-    (`instead`, from `instead_of`) brings not even `_HALF` as much: then what is left is something else, as in every
-    real recording. Slow noise is not named where a structure brings as much.
+    A correct model of an effect leaves almost nothing of what it explains; a wrong one that follows half of it leaves
+    much. A finding is kept if its gain exceeds `SHORT` times that of the residual, or if the coordinate in its place
+    (`instead`, from `instead_of`) gains less than `_HALF` as much: then the residual has another cause, as in every
+    real recording. Slow noise is withdrawn if a structure gains as much.
     """
     if not rest.significant:
         return ()
@@ -230,55 +230,55 @@ def withdrawn(
 
 
 def lack_of_fit(rest: ResidualStructure, along: str = "") -> float:
-    """The ratio of the lack of fit along the motion to pure error, per degree of freedom; at least 1.
+    """Return the ratio of the lack of fit along the motion to pure error, per degree of freedom; at least 1.
 
     Pure error gains 1 per degree of freedom. If the best function of the motion gains more, a false finding along the
-    motion, or the difference of two findings, may gain as much more; so may one `along` a coordinate of its own if a
-    function of that one does.
+    motion, or the difference of two findings, may gain that much more; the same holds for a finding whose own
+    coordinate is `along` if a function of that coordinate gains more.
     """
     of_motion = [one for one in rest.looked if one.log_p < rest.threshold and of_the_motion(*one.words)]
     its = [one for one in of_motion if one.words == (along,)]
-    return max((one.gain / one.dof for one in (*of_motion[:1], *its)), default=1.0)  # they come in order
+    return max((one.gain / one.dof for one in (*of_motion[:1], *its)), default=1.0)  # sorted, best first
 
 
 def of_the_motion(*coordinates: str) -> bool:
-    """Whether coordinates are of the motion alone."""
+    """Return whether all coordinates belong to the motion."""
     return {word for one in coordinates for word in one.split("*")} <= _OF_MOTION
 
 
 def is_owed(rest: ResidualStructure, gain: float) -> bool:
-    """Whether what is left gains so little beside a finding's `gain` that the finding's own model may miss it."""
+    """Return whether the residual gains so little relative to `gain` that a finding's model may have caused it."""
     return gain >= _OWED * rest.gain
 
 
 def imperfect(gains: Mapping[str, float], rest: ResidualStructure, instead: Mapping[str, float] | None = None) -> bool:
-    """Whether what is left is so little beside what a finding that stands explains that it is owed to its model."""
+    """Return whether the residual is small enough to be attributed to the model of a finding that is kept."""
     standing = set(gains) - set(withdrawn(gains, rest, instead)) - set(NOISES)
     return rest.significant and any(is_owed(rest, gains[name]) for name in standing)
 
 
 def is_plain(whitener: Whitens, seed: int) -> bool:
-    """Whether a whitener only weighs rows, tried on a column of chance."""
+    """Return whether a whitener only weights rows, tested on a random column."""
     column = np.random.default_rng(seed).standard_normal(whitener.weight.size)
     return bool(np.array_equal(whitener(column), whitener.weight * column))
 
 
 def look(left: ScoreTest, groups: Iterable[Group], whitened: Whitened) -> View:
-    """Look at what is left along every group's coordinate."""
+    """Test the residual along every group's coordinate."""
 
     def look_along(group: Group) -> tuple[Looked, Group, Seen]:
-        seen = left.seen(whitened(group.columns()))
+        score = left.seen(whitened(group.columns()))
         places = math.log(group.places)
         one = Looked(
             words=group.words,
             form=group.form,
-            gain=seen.gain,
-            promise=seen.gain - seen.dof * math.log(left.freedom) - 2.0 * places,
-            dof=seen.dof,
-            log_p=min(seen.log_p + places, 0.0),
-            inflation=seen.inflation,
+            gain=score.gain,
+            promise=score.gain - score.dof * math.log(left.freedom) - 2.0 * places,
+            dof=score.dof,
+            log_p=min(score.log_p + places, 0.0),
+            inflation=score.inflation,
         )
-        return one, group, seen
+        return one, group, score
 
     looked: list[Looked] = []
     chosen: tuple[Looked, Group, Seen] | None = None
@@ -292,13 +292,13 @@ def look(left: ScoreTest, groups: Iterable[Group], whitened: Whitened) -> View:
 
 
 def threshold_of(looked: int) -> float:
-    """The logarithm of the chance below which one of so many coordinates is significant."""
+    """Return the logarithm of the probability below which one of so many coordinates is significant."""
     return math.log(CHANCE / looked)
 
 
 def _rank(one: Looked) -> tuple[bool, float]:
-    # What a single spike explains may be much, and is no structure. Of two that are equal but for the last digits, as a
-    # rate and an output without noise are, the first that was looked at is the better: no order of summing decides.
+    # A single spike may explain much and is no structure. Of two equal up to the last digits, such as rate and output
+    # without noise, the first tested is taken, so that the order of summation does not decide.
     return one.log_p < math.log(1e-6), float(f"{one.promise:.9g}")
 
 
@@ -308,7 +308,7 @@ def _smooth_groups(problem: Problem, fit: Fitted, *, slow: bool) -> Iterator[Gro
 
 
 def _groups(problem: Problem, fit: Fitted, left: ScoreTest, *, slow: bool = False) -> Iterator[Group]:
-    """All that can be looked at; what happens at one instant only where the noise is white."""
+    """Yield all groups to test; events at one instant only if the noise is white."""
     time_s = problem.time_s
     yield from _smooth_groups(problem, fit, slow=slow)
     yield from lines(left, time_s, problem.interval_s, problem.step)
@@ -329,7 +329,7 @@ def _weighted(weight: FloatArray) -> Whitened:
 
 
 def _through(whitener: Whitens) -> Whitened:
-    """Whitened columns are no longer sparse: single precision is as much as they need."""
+    """Return a function that whitens columns; whitened columns are dense, so single precision saves memory."""
 
     def whitened(columns: Columns) -> Columns:
         rows, many = columns.shape
@@ -368,7 +368,7 @@ def _told(problem: Problem, view: View, noise_gain: float) -> ResidualStructure:
 
 
 def _named(looked: Iterable[Looked], best: Looked) -> tuple[str, ...]:
-    """The words of the best coordinate, then of those that explain as much; simple ones first among equals."""
+    """Return the words of the best coordinate, then of those with equal gain, simple ones first."""
     equals = [one for one in looked if one.promise >= (1.0 - _AS_GOOD) * best.promise and one is not best]
     equals.sort(key=lambda one: ("*" in one.words[0], -one.promise))
     words = dict.fromkeys(word for one in (best, *equals) for word in one.words)
@@ -376,7 +376,7 @@ def _named(looked: Iterable[Looked], best: Looked) -> tuple[str, ...]:
 
 
 def _ranges(view: View) -> tuple[tuple[float, float], ...]:
-    """The shortest range of the coordinate that holds most of what would be explained, where that is a part of it."""
+    """Return the shortest range of the coordinate with most of the explained power, if it is only a part; else ()."""
     along = view.group.along
     if along is None:
         return ()
@@ -400,10 +400,10 @@ def _says(best: Looked, named: tuple[str, ...], ranges: tuple[tuple[float, float
         unit = unit if word == "output" else COORDINATE_UNITS.get(word, "")
         where += f", most at {low:.3g} to {high:.3g} {unit}".rstrip()
     others = [_phrase(word) for word in named if word not in best.words]
-    beside = f" This recording does not part it from {' or '.join(others)}." if others else ""
+    sentence = f" This recording does not part it from {' or '.join(others)}." if others else ""
     return (
         f"What is left is not noise: it lives in {where}; no known effect accounts for it."
-        f" Closest generic form: {best.form}.{beside}"
+        f" Closest generic form: {best.form}.{sentence}"
     )
 
 

@@ -1,14 +1,14 @@
-"""What a fit has left, and how much of it any set of columns would explain: all tests of it are quadratic forms.
+"""Score test: how much of a fit's residual any set of columns would explain, computed from quadratic forms.
 
-With e the whitened residual, D the whitened derivatives of everything that was fitted and C the columns, the scores are
-S = Cᵀe, their covariance under nothing missing is σ²·V, V = CᵀC − CᵀD·(DᵀD)⁻¹·DᵀC, and SᵀV⁻¹S is by how much the sum
-of squares falls when the columns are fitted too, everything else refitted beside them. Divided by σ² it is χ² of as
-many degrees of freedom as V has ranks.
+With e the whitened residual, D the whitened derivatives of all fitted parameters and C the columns, the scores are
+S = Cᵀe, their covariance under the null hypothesis is σ²·V, V = CᵀC − CᵀD·(DᵀD)⁻¹·DᵀC, and SᵀV⁻¹S is the decrease of
+the sum of squares when the columns are fitted jointly with all other parameters. Divided by σ² it is χ² with as many
+degrees of freedom as the rank of V.
 
-Noise is never quite what it is said to be: encoder noise is coloured by the differentiator, some rows are noisier than
-others. So the covariance of the scores is also taken from the data, from sums over short blocks of rows with what the
-columns explain taken off (a sandwich; White, Econometrica 48, 1980). Where it is larger, the χ² is of that size and
-of so many degrees of freedom (Satterthwaite, Biometrics 2, 1946), so that odd noise is not taken for a structure.
+Real noise differs from its model: the differentiator colours encoder noise, and some rows are noisier than others. So
+the covariance of the scores is also estimated from the data, from sums over short blocks of rows with the explained
+part removed (a sandwich; White, Econometrica 48, 1980). If it is larger, the χ² is scaled and its degrees of freedom
+are reduced (Satterthwaite, Biometrics 2, 1946), so that unusual noise is not mistaken for a structure.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from benchctl_instruments.arrays import BoolArray, FloatArray
 Columns = npt.NDArray[np.floating[Any]] | scipy.sparse.csr_array
 
 _UNSEEN = 1e-6
-"""A column with less than this share of the largest column's power is hardly ever visited: it is left out."""
+"""Columns with less than this share of the largest column's power have hardly any rows and are left out."""
 _DEPENDENT = 1e-5
-"""Share of a direction's power that must be left when the fit is taken off: below it is rounding."""
+"""Minimum share of a direction's power that must remain after the fit is removed; less is rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seen:
-    """What columns would explain of what is left.
+    """What columns would explain of the residual.
 
-    `gain` is in twice the log likelihood, `drop` the fall of the sum of squares, `dof` how many directions the columns
-    have beside the fit, `log_p` the logarithm of the chance that noise brings as much, `inflation` by how much the
-    scores scatter more than white noise lets them. `profile` (n,) is what would be explained, sample by sample.
+    `gain` is in twice the log likelihood, `drop` the fall of the sum of squares, `dof` the number of directions of the
+    columns that the fit does not contain, `log_p` the logarithm of the probability that noise gains as much,
+    `inflation` the scatter of the scores relative to white noise. `profile` (n,) is what would be explained per sample.
     """
 
     gain: float
@@ -52,11 +52,11 @@ class Seen:
 
 
 class ScoreTest:
-    """A whitened residual (n,) with the whitened derivatives (n, p) of what was fitted, on the rows of a mask (n,)."""
+    """A whitened residual (n,) and the whitened derivatives (n, p) of the fitted parameters, on rows of a mask (n,)."""
 
     def __init__(self, white: FloatArray, derivatives: FloatArray, rows: BoolArray) -> None:
         self.rows = rows.astype(np.float64)
-        # row by row, as sparse columns are multiplied with it
+        # row-major order, because sparse columns are multiplied with it
         known = np.multiply(derivatives, self.rows[:, None], order="C")
         size = np.sqrt(np.einsum("ij,ij->j", known, known))
         known /= np.where(size > 0.0, size, 1.0)
@@ -69,17 +69,17 @@ class ScoreTest:
 
     @property
     def variance(self) -> float:
-        """The mean square of what is left."""
+        """The mean square of the residual."""
         return float(self.squares / self.freedom)
 
     def gain(self, drop: float) -> float:
-        """Twice the log likelihood that is gained where the sum of squares falls by `drop`."""
+        """Return the gain in twice the log likelihood if the sum of squares falls by `drop`."""
         if self.squares <= 0.0:
             return 0.0
         return float(-self.freedom) * math.log1p(-min(drop / self.squares, 1.0 - 1e-12))
 
     def without(self, profile: FloatArray) -> ScoreTest:
-        """What is left when a profile (n,) has been explained."""
+        """Return the test of the residual with a profile (n,) removed."""
         other = ScoreTest.__new__(ScoreTest)
         other.rows, other.known, other.inverse = self.rows, self.known, self.inverse
         other.white = self.white - profile
@@ -88,9 +88,9 @@ class ScoreTest:
         return other
 
     def seen(self, columns: Columns) -> Seen:
-        """What whitened columns, shape (n, k), sparse or not, would explain beside what was fitted.
+        """Return what whitened columns, shape (n, k), sparse or dense, would explain in addition to the fit.
 
-        They are changed: the rows that do not count are taken off.
+        The columns are modified in place: rows that do not count are set to zero.
         """
         columns = _masked(columns, self.rows)
         products = np.asarray(columns.T @ _like(columns, self.white), dtype=np.float64)
@@ -121,10 +121,10 @@ class ScoreTest:
         )
 
     def _scattered(self, columns: Columns, crossed: FloatArray, rest: FloatArray) -> FloatArray:
-        """Σ over blocks of the products of the scores of columns with what was fitted taken off, shape (k, k).
+        """Return Σ over blocks of the products of the columns' scores, with the fit removed, shape (k, k).
 
-        `crossed` (k, p) are the columns' products with what is known, `rest` (n,) is what the columns leave. A block
-        meets few of the columns that are sparse: so its sums are, and what was fitted is taken off their products.
+        `crossed` (k, p) are the columns' products with the derivatives, `rest` (n,) is the residual with the columns
+        fitted. Sparse columns have entries in few blocks, so their sums are sparse; the fit is removed from products.
         """
         sums, of_known = _block_sums(columns, rest), block_products(self.known, rest)
         taken = self.inverse @ crossed.T
@@ -135,7 +135,7 @@ class ScoreTest:
 
 
 def log_chance(chi_squared: float, freedom: float) -> float:
-    """Logarithm of the chance that χ² is as large; where that is no number any more, by its leading terms."""
+    """Return the logarithm of the probability of a larger χ²; where it underflows, its asymptotic expansion."""
     exact = float(scipy.stats.chi2.logsf(chi_squared, freedom))
     if math.isfinite(exact):
         return exact
@@ -144,7 +144,7 @@ def log_chance(chi_squared: float, freedom: float) -> float:
 
 
 def for_entries(columns: scipy.sparse.csr_array, values: FloatArray) -> FloatArray:
-    """A value of each row, shape (n,), for each of the entries of sparse columns (n, k)."""
+    """Return the row values (n,), repeated for each entry of sparse columns (n, k)."""
     entries = np.diff(columns.indptr)
     alike = entries.size > 0 and bool((entries == entries[0]).all())
     return np.repeat(values, int(entries[0]) if alike else entries)
@@ -157,7 +157,7 @@ def _pseudo_inverse(information: FloatArray) -> FloatArray:
 
 
 def _masked(columns: Columns, rows: FloatArray) -> Columns:
-    """The columns, which nobody else has, without the rows that do not count."""
+    """Set rows that do not count to zero in the columns, in place, and return the columns."""
     if isinstance(columns, np.ndarray):
         columns *= rows[:, None].astype(columns.dtype)
     else:
@@ -166,22 +166,22 @@ def _masked(columns: Columns, rows: FloatArray) -> Columns:
 
 
 def _like(columns: Columns, values: FloatArray) -> Any:
-    """Values as exact as the columns, so that no copy of these is made."""
+    """Return the values in the columns' precision, so that the columns are not copied."""
     return values.astype(columns.dtype, copy=False)
 
 
 def _root(gram: FloatArray, known: FloatArray) -> FloatArray:
-    """R (k, r) with RᵀVR = 1 for V = gram − known, in the directions that are seen and that the fit does not have."""
+    """Return R (k, r) with RᵀVR = 1 for V = gram − known, in directions with power that the fit does not contain."""
     power = np.diag(gram)
-    seen = power > _UNSEEN * max(float(power.max(initial=0.0)), 1e-300)
-    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, power, 1.0)), 0.0)
+    used = power > _UNSEEN * max(float(power.max(initial=0.0)), 1e-300)
+    scale = np.where(used, 1.0 / np.sqrt(np.where(used, power, 1.0)), 0.0)
     values, vectors = np.linalg.eigh((gram - known) * np.outer(scale, scale))
     kept = values > _DEPENDENT
     return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) * scale[:, None])
 
 
 def _block_sums(columns: Columns, values: FloatArray) -> FloatArray | scipy.sparse.csr_array:
-    """Σ of columns times values over each block of rows, shape (blocks, k), sparse where they are."""
+    """Return Σ of columns times values over each block of rows, shape (blocks, k), sparse if the columns are."""
     if isinstance(columns, np.ndarray):
         return block_products(columns, _like(columns, values))
     starts = block_starts(values.size)

@@ -1,1 +1,1 @@
-"""The search: which of the known effects the data demand."""
+"""The search: which of the known effects the data require."""

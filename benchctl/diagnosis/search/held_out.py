@@ -1,4 +1,4 @@
-"""Which steps of a problem choose and fit, which are kept for the proof, and when these speak against a model."""
+"""Steps held out for validation, and when they contradict a model."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 _HELD_OUT = 6
-"""One step in so many of a kind chooses nothing and fits nothing."""
+"""One step in so many of a kind is held out: it is used neither for selection nor for fitting."""
 _RARE = 3.0
-"""Deviations below what it should be by which a gain on held-out steps speaks against a model."""
+"""Number of deviations below its expected value at which a gain on held-out steps contradicts a model."""
 
 
 def held_out_steps(problem: Problem) -> BoolArray:
-    """Whole steps, one in six of each kind, that play no part in choosing or fitting; mask of shape (m,)."""
+    """Return a mask, shape (m,), of the steps, one in six of each kind, held out from selection and fitting."""
     return np.asarray(dealt(problem) == _HELD_OUT // 2)
 
 
 def dealt(problem: Problem) -> IntArray:
-    """Steps of each kind dealt out in turn, shape (m,)."""
+    """Return fold numbers of the steps, assigned in turn within each kind, shape (m,)."""
     places: dict[str, int] = {}
     turns = []
     for kind in problem.step_kinds:
@@ -31,10 +31,10 @@ def dealt(problem: Problem) -> IntArray:
 
 
 def least_gain(better: FloatArray, worse: FloatArray) -> float:
-    """What a model that is right gains on held-out rows but by a rare chance, in twice the log likelihood; at most 0.
+    """Return the least gain in twice the log likelihood, at most 0, that a correct model has on held-out rows.
 
-    Both are its whitened residual and that of the model without an effect, shape (n,). Where the two predictions differ
-    by d, the right one gains D = Σd²/σ² with a deviation of 2·√D.
+    A smaller gain is very unlikely. The arguments are the whitened residuals with and without an effect, shape (n,). If
+    the two predictions differ by d, the correct one gains D = Σd²/σ² with a deviation of 2·√D.
     """
     differ = worse - better
     expected = np.count_nonzero(better) * float(differ @ differ) / max(float(better @ better), 1e-300)
@@ -42,5 +42,5 @@ def least_gain(better: FloatArray, worse: FloatArray) -> float:
 
 
 def gain_on(better: FloatArray, worse: FloatArray) -> float:
-    """By how much twice the log likelihood is larger for the one residual than for the other, shape (n,) each."""
+    """Return how much twice the log likelihood is larger for the first residual than for the second, (n,) each."""
     return np.count_nonzero(better) * math.log(max(float(worse @ worse), 1e-300) / max(float(better @ better), 1e-300))

@@ -1,6 +1,6 @@
-"""An effect put into a recording, to see whether the score that decides finds it again.
+"""Injection test: add an effect to a recording and check whether the decision criteria detect it.
 
-What it changes in the prediction is added to what was measured, with everything that the recording holds besides.
+The effect's change of the prediction is added to the measured values; everything else in the recording stays.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 _ROUNDS = 3
-"""Of a fit that begins beside the truth."""
+"""Rounds of a fit that starts near the true values."""
 _FEW_ROWS = 20_000
-"""Of more rows the change is scored and not fitted: a fit of every effect would take longer than the diagnosis."""
+"""With more rows the change is scored but not fitted: fitting every effect would take longer than the diagnosis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Injection:
-    """A probe beside what was chosen; `columns` (k, n) are its own, whitened."""
+    """A probe for a chosen model; `columns` (k, n) are its whitened columns that the model cannot follow."""
 
     problem: Problem
     chosen: Selection
@@ -38,15 +38,15 @@ class Injection:
 
     @classmethod
     def of(cls, problem: Problem, chosen: Selection, probe: Probe) -> Self:
-        """The probe's columns beside the model that was chosen."""
+        """Compute the probe's columns for the chosen model."""
         columns = own_columns(problem, chosen.whitener, chosen.after, probe.columns)
         return cls(problem=problem, chosen=chosen, probe=probe, columns=columns)
 
     def found_again(self, effect: DescribedEffect) -> bool:
-        """Whether the probe finds an effect that was put into the recording.
+        """Return whether the probe detects an effect that was added to the recording.
 
-        It must pass as a finding does: beyond chance, in all steps alike, on steps that were left out; where there are
-        few rows also as fitted, within its range.
+        The effect must satisfy the criteria of a finding: above chance, in all steps, and on held-out steps. For
+        recordings with few rows the fitted effect must also satisfy them, with its parameters within their ranges.
         """
         after, step = self.chosen.after, self.problem.step
         added = own_columns(self.problem, self.chosen.whitener, after, [effect])[0]
@@ -57,7 +57,7 @@ class Injection:
         return self._passes(left, white) and (step.size > _FEW_ROWS or self._fitted(effect, weights))
 
     def _passes(self, better: FloatArray, worse: FloatArray) -> bool:
-        """Whether the gain of a whitened residual over another passes though it scatters, and held-out steps agree."""
+        """Return whether the gain of one whitened residual over another exceeds scatter and held-out steps agree."""
         step = self.problem.step
         rows, held = self.chosen.after.fitted[step], self.chosen.heldout[step]
         explained, white = (worse - better) * rows, worse * rows
@@ -66,13 +66,13 @@ class Injection:
         return gain > self.chosen.least and gain_on(better[held], worse[held]) >= least_gain(better[held], worse[held])
 
     def _fitted(self, effect: DescribedEffect, weights: FloatArray) -> bool:
-        """The same of a fit to the recording with the effect in it."""
+        """Return whether a fit to the recording with the added effect satisfies the criteria."""
         chosen, after = self.chosen, self.chosen.after
         added = self.problem.predict(after.point.baseline, (*after.point.effects, effect)) - after.predicted
-        there = cast(Problem, _Injected(self.problem, self.problem.measured + added))
-        less = fit(there, chosen.whitener, after, after.fitted, rounds=_ROUNDS)
+        injected = cast(Problem, _Injected(self.problem, self.problem.measured + added))
+        less = fit(injected, chosen.whitener, after, after.fitted, rounds=_ROUNDS)
         start = replace(less.point, effects=(*less.point.effects, self.probe.start(weights)))
-        found = fit(there, chosen.whitener, start, after.fitted)
+        found = fit(injected, chosen.whitener, start, after.fitted)
         return (
             self._passes(found.white, less.white)
             and gain_kept(found, less, dealt(self.problem)) > 0.0
@@ -81,7 +81,7 @@ class Injection:
 
 
 class _Injected:
-    """A problem of which something else was measured."""
+    """A problem with other measured values."""
 
     def __init__(self, problem: Problem, measured: FloatArray) -> None:
         self._problem = problem

@@ -1,4 +1,4 @@
-"""Models with an effect more or less: screened, fitted and judged alike."""
+"""Models with one effect added or removed: screening, fitting and evaluation."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ _TRIED = 6
 _WORTH_TRYING = 0.2
 """Share of the best promise, or of the best gain, below which an effect is not fitted.
 
-Where it starts is near enough for that; but a column that is right for a small effect leaves structure of a large one,
-which makes its gain scatter: a fit takes that away.
+The starting place is close enough for that. But a column computed for a small effect leaves a structured residual if
+the effect is large, so that its gain scatters; a fit removes this.
 """
 ALIKE = 0.01
-"""In twice the log likelihood: what is no better than this is alike, and the digits of a sum do not choose."""
+"""Difference in twice the log likelihood below which two models count as equal, so that rounding does not decide."""
 IMPERFECT = 0.02
-"""Share of what an effect does by which its model may miss it: so much of its gain, squared, is left to others."""
+"""Relative error allowed in the model of an effect: so much of its gain, squared, may go to other effects."""
 _ROUNDED = 0.01
-"""Share of the rounding's variance that may follow the motion."""
+"""Share of the rounding's variance that may be correlated with the motion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
-    """A model with one effect more: its fit, and what it promises after what chance adds to the gain.
+    """A model with one more effect: its fit, and its `promise`, the gain less the expected contribution of chance.
 
-    `evidence` is the gain less what the effect's freedom has cost: by it effects are compared. Both are −∞ where the
-    effect stands at a bound of what is plausible, or one of several recordings contradicts it.
+    `evidence` is the gain less the cost of the effect's free parameters; effects are compared by it. Both are −∞ if the
+    effect is at a bound of the plausible range, or if one of several recordings contradicts it.
     """
 
     fit: Fit
@@ -54,14 +54,14 @@ class Tried:
 
     @property
     def added(self) -> DescribedEffect:
-        """The effect that it has more."""
+        """The added effect."""
         return self.fit.point.effects[-1]
 
 
 class Models:
-    """A problem's models on the steps that choose, beside what was found of the noise so far.
+    """A problem's models on the steps used for selection, with the noise found so far.
 
-    `rounding_v2` [unit²] is the variance of what a coarse converter rounds off.
+    `rounding_v2` [unit²] is the variance of a coarse converter's rounding.
     """
 
     def __init__(self, problem: Problem, seed: int, progress: Callable[[str, float], None], rounding_v2: float) -> None:
@@ -78,7 +78,7 @@ class Models:
         self._refused: set[Place] = set()
 
     def _screened(self, present: Fit, shares: tuple[float, float], kinds: frozenset[str] | None = None) -> Screening:
-        """The probes' promise beside a model; meanwhile the share that is done goes from one to the other."""
+        """Return a screening of a model; meanwhile the reported progress goes from the first to the second share."""
         proposed = (
             () if kinds is not None and not kinds & SCANNED else proposals(self._problem, self._noise.whitener, present)
         )
@@ -109,7 +109,7 @@ class Models:
         return self._fit(Point(baseline=present.point.baseline, effects=rest))
 
     def _least(self, beside: Fit) -> float:
-        """What something more must gain beside a model: more than chance brings, and what imperfect models leave."""
+        """Return the gain that a further effect needs to exceed chance and the errors of the present effects."""
         if self._bare is None or self._bare[0] is not self._noise.whitener:
             self._bare = self._noise.whitener, self._fit(Point(baseline=beside.point.baseline)).light
         explained = max(gain_of(beside, self._bare[1]), 0.0) if beside.point.effects else 0.0
@@ -133,7 +133,7 @@ class Models:
         )
 
     def _driven_to_bound(self, fitted: Fit, present: Fit) -> bool:
-        """Whether a parameter of the baseline stands at the bound of what is plausible, and did not before."""
+        """Return whether a baseline parameter is at a bound of the plausible range and was not before."""
         values = zip(fitted.numbers, fitted.point.baseline.tolist(), present.point.baseline.tolist(), strict=False)
         return any(
             stands_at(there, number.low, number.high) and not stands_at(before, number.low, number.high)
@@ -141,14 +141,14 @@ class Models:
         )
 
     def _agreed(self, better: Fit, worse: Fit) -> bool:
-        """Whether no recording of the same instrument contradicts what all of them together gain."""
+        """Return whether no single recording of the same instrument contradicts the gain of all recordings together."""
         recorded = self._problem.recorded
         return not recorded.any() or all(
             gain_alone(better, worse, recorded == one) > -self._least(worse) for one in np.unique(recorded)
         )
 
     def _beyond_chance(self, better: Fit, worse: Fit) -> float:
-        """The gain, less where chance scatters by more than white noise would."""
+        """Return the gain, reduced if chance scatters more than white noise would."""
         return gain_of(better, worse) / self._scatter(better, worse)
 
     def _scatter(self, better: Fit, worse: Fit) -> float:
@@ -160,7 +160,7 @@ class Models:
         return scatter(bad - good, bad, np.concatenate([starts, np.arange(better.white.size, rows.size)]))
 
     def _promising(self, present: Fit, screening: Screening) -> list[Scored]:
-        """What is worth a fit: the best place, still free, of each effect that chance does not bring."""
+        """Return the probes worth a fit: the best free place of each effect that is above chance."""
         least = self._least(present)
         ranked = [one for one in self._free(present, screening).best_of_each() if one.promise > least]
         most_promise = max((one.promise for one in ranked), default=1.0)
@@ -179,14 +179,14 @@ class Models:
         return tried
 
     def _free(self, present: Fit, screening: Screening) -> Screening:
-        """What may still join a model: places that are not taken, and were not refused."""
+        """Return the screening without places that are already in the model or were refused."""
         known = present.point.effects
         places = [(one, one.probe.columns[0]) for one in screening.scored]
-        free = (one for one, its in places if may_join(its, known) and place_of(its) not in self._refused)
+        free = (one for one, start in places if may_join(start, known) and place_of(start) not in self._refused)
         return replace(screening, scored=tuple(free))
 
     def _best(self, present: Fit, screening: Screening) -> Tried | None:
-        """The best model with one effect more that holds on steps which it was not fitted to."""
+        """Return the best model with one more effect that also improves steps it was not fitted to; None if none."""
         best: Tried | None = None
         names: dict[str, None] = {}
         for tried in self._tried(present, screening):
@@ -201,7 +201,7 @@ class Models:
         return best
 
     def _tried(self, present: Fit, screening: Screening, kinds: Collection[str] | None = None) -> Iterator[Tried]:
-        """The model with each effect that is worth a fit; and from the places where the problem has effects begin."""
+        """Yield the model with each effect worth a fit, and with each start that the problem itself proposes."""
         for scored in self._promising(present, screening):
             yield self._with(present, scored)
         for start in self._starts(present.point):
@@ -209,7 +209,7 @@ class Models:
                 yield self._begun_with(present, start, 0.0)
 
     def _starts(self, known: Point) -> Iterator[Point]:
-        """Where the problem itself has one effect more begin, of those that were not refused."""
+        """Yield the problem's own starts with one more effect, without refused ones."""
         for baseline, effect in self._problem.starts(known.baseline, known.effects):
             if place_of(effect) not in self._refused:
                 yield Point(baseline=baseline, effects=(*known.effects, effect))

@@ -1,8 +1,8 @@
-"""Two effects at once, where neither passes alone: the residual that each is judged by holds the other.
+"""Pairs of effects of which neither is significant alone, because the residual of each contains the other.
 
-Dry friction and an offset of the torque explain a bench together; either alone leaves so much of the other that its
-gain is no larger than such a residual scatters. The promise of a pair is that of all its columns together, and its
-scatter that of what both leave.
+Dry friction and a torque offset, for example, explain a bench together; either alone leaves so much of the other that
+its gain does not exceed the scatter of such a residual. The promise of a pair is that of all its columns together, and
+its scatter that of the residual of both.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
-    """Two effects where a fit of both begins, and what they promise together in twice the log likelihood.
+    """Two effects with starting values for a fit of both, and their joint promise in twice the log likelihood.
 
-    `explains` is the share of the residual's power that they take away.
+    `explains` is the share of the residual's power that they explain.
     """
 
     effects: tuple[DescribedEffect, DescribedEffect]
@@ -38,7 +38,7 @@ class Pair:
 
 
 def pairs_of(problem: Problem, whitener: Whitener, fitted: Fit, scored: Sequence[Scored]) -> list[Pair]:
-    """All pairs of effects of different kinds beside a fitted model, the most promising first."""
+    """Return all pairs of effects of different kinds for a fitted model, the most promising first."""
     rows = fitted.fitted[problem.step]
     white = fitted.white * rows
     total = float(white @ white)
@@ -65,7 +65,7 @@ def pairs_of(problem: Problem, whitener: Whitener, fitted: Fit, scored: Sequence
 
 
 def own_columns(problem: Problem, whitener: Whitener, fitted: Fit, effects: Iterable[DescribedEffect]) -> FloatArray:
-    """What effects change in the prediction that the model does not follow, whitened, shape (k, n)."""
+    """Return the whitened change of the prediction by each effect, less what the model can follow, shape (k, n)."""
     point = fitted.point
     changed = [problem.predict(point.baseline, (*point.effects, one)) - fitted.predicted for one in effects]
     return fitted.beyond(np.stack([whitener(one) for one in changed]), problem.step)

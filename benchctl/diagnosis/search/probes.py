@@ -1,4 +1,4 @@
-"""Where the search for an effect begins: a few places in its parameters that together cover what is likely."""
+"""Probes, the starting places of the search for an effect: a few parameter values that cover the likely range."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Probe:
-    """One place: an effect for each column that its sizes and phases give there.
+    """One starting place: an effect for each column that its sizes and phases give there.
 
-    `sizes` are the values in whose proportion the columns grow; empty where the effect has no size: then the one column
-    is the whole effect. `places` is how many independent places it was chosen from by a look at the data: what chance
-    brings grows with it. `pulled` is the gain that the residual itself promised where it proposed the place: a fit that
-    went astray without the effect may hide it from any other look.
+    `sizes` are the sizes for which the columns were computed; empty for an effect without size, whose single column is
+    the complete effect. `places` is the number of independent places among which the data chose this one: the
+    contribution of chance increases with it. `pulled` is the gain that a residual scan promised for the place, as a
+    wrong fit without the effect can hide it from other tests.
     """
 
     kind: type[DescribedEffect]
@@ -33,11 +33,11 @@ class Probe:
 
     @property
     def identifier(self) -> str:
-        """The effect's name."""
+        """Identifier of the effect."""
         return self.kind.identifier
 
     def start(self, weights: FloatArray) -> DescribedEffect:
-        """The effect that is the sum of the columns, each taken `weights` times, shape (columns,)."""
+        """Return the effect that is the sum of the columns, each multiplied by its weight, shape (columns,)."""
         if not self.sizes:
             return self.columns[0]
         values = self.columns[0].values
@@ -55,7 +55,7 @@ class Probe:
 
 
 def probes_of(problem: Problem, kind: type[DescribedEffect]) -> Iterator[Probe]:
-    """The places where the search for an effect begins in a problem; none where the residual itself proposes them."""
+    """Yield the probes of an effect in a problem; none for effects whose places are proposed by a scan."""
     if any(parameter.by_scan for parameter in kind.parameters.values()):
         return
     held = [name for name, parameter in kind.parameters.items() if parameter.role in ("shape", "choice")]
@@ -66,7 +66,7 @@ def probes_of(problem: Problem, kind: type[DescribedEffect]) -> Iterator[Probe]:
 def probe_at(
     problem: Problem, kind: type[DescribedEffect], place: Mapping[str, float], *, places: float = 1.0
 ) -> Probe:
-    """The probe of an effect at values of its shapes and choices, chosen by a look at so many independent places."""
+    """Return the probe at values of the shapes and choices, selected among so many independent places."""
     sizes, phases = _of_role(kind, "size"), _of_role(kind, "phase")
     circumstances = dict(problem.circumstances)
     values = dict.fromkeys(sizes, 0.0) | dict.fromkeys(phases, 0.0) | dict(place)

@@ -1,8 +1,8 @@
-"""What a fit's residual says of any change of the prediction, row by row: a scan then looks at no filter again.
+"""The pull of a fit's residual: the gain of any change of the prediction, from sums over rows without filtering again.
 
 With the residual r and the noise's whitening W, twice the log likelihood gains (p·c)²/(c·i·c) from a column c in the
-prediction, where p = Wᵀ·W·r/σ² is the pull of the rows, and i, their information, is weight²/σ² where W is a filter
-that passes c as it is.
+prediction, where p = Wᵀ·W·r/σ² is the pull of the rows and i, their information, is weight²/σ² if the filter W leaves c
+unchanged.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from benchctl_instruments.arrays import BoolArray, FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pull:
-    """`rows` (n,) are those of the fitted steps that count; `pull` and `information` (n,) are 0 elsewhere."""
+    """`rows` (n,) are the rows of the fitted steps that count; `pull` and `information` (n,) are 0 elsewhere."""
 
     whitener: Whitener
     fitted: Fit
@@ -29,7 +29,7 @@ class Pull:
     information: FloatArray
 
     def of_known(self, index: int) -> FloatArray:
-        """The pull that the derivative by the fit's free number `index` would have as a residual, shape (n,)."""
+        """Return the pull, shape (n,), of the derivative by free parameter `index`, used in place of the residual."""
         pulled = _back(self.whitener, self.fitted.derivatives[:, index] * self.rows)
         pulled /= self.fitted.deviation
         return pulled
@@ -37,7 +37,7 @@ class Pull:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A value of a shape parameter at which the residual pulls, what it promises there, and out of how many it is."""
+    """A proposed value of a shape parameter, its promised gain, and the number of places it was selected from."""
 
     value: float
     gain: float
@@ -45,7 +45,7 @@ class Place:
 
 
 def pull_of(problem: Problem, whitener: Whitener, fitted: Fit) -> Pull:
-    """The pull of a fit's residual, over the steps to which it was fitted."""
+    """Return the pull of a fit's residual, over the steps to which it was fitted."""
     rows = fitted.fitted[problem.step] & (whitener.weight > 0.0)
     return Pull(
         whitener=whitener,
@@ -57,18 +57,18 @@ def pull_of(problem: Problem, whitener: Whitener, fitted: Fit) -> Pull:
 
 
 def unweighted(whitener: Whitener, values: FloatArray) -> FloatArray:
-    """The whitening filter alone, over rows without gaps, shape (n,)."""
+    """Apply the whitening filter without weights, to rows without gaps, shape (n,)."""
     plain = replace(whitener, weight=np.ones_like(values), time_s=np.zeros(0))
     return plain(values)
 
 
 def _back(whitener: Whitener, values: FloatArray) -> FloatArray:
-    """The whitening's transpose: the same filter, run from the end to the beginning."""
+    """Apply the transpose of the whitening: the same filter, run backwards."""
     return unweighted(whitener, (values * whitener.weight)[::-1])[::-1]
 
 
 def peaks(gain: FloatArray, count: int, apart: int) -> list[int]:
-    """Indices of the largest values of (m,), the largest first, none nearer than `apart` to a larger one."""
+    """Return indices of the largest values of (m,), the largest first, none closer than `apart` to a larger one."""
     left = gain.copy()
     found: list[int] = []
     while len(found) < count:
@@ -81,7 +81,7 @@ def peaks(gain: FloatArray, count: int, apart: int) -> list[int]:
 
 
 def between(gain: FloatArray, index: int) -> float:
-    """Where, in indices, the parabola through a peak and its neighbours has its top."""
+    """Return the position, in indices, of the maximum of the parabola through a peak and its neighbours."""
     if not 0 < index < gain.size - 1:
         return float(index)
     before, top, after = gain[index - 1 : index + 2].tolist()
@@ -90,9 +90,9 @@ def between(gain: FloatArray, index: int) -> float:
 
 
 def paid(places: float, gain: float, level: float) -> float:
-    """How many places a gain must be paid for as the best of, where chance alone brings `level` times what it should.
+    """Return the number of places for the penalty of a gain, if chance alone brings `level` times the expected gain.
 
-    Noise that is not quite white has places at which it is louder; gain − 2·ln(places) is then what it would be there
-    by the noise of the place itself.
+    Coloured noise is stronger at some places; gain − 2·ln(places) then becomes the value relative to the noise level
+    of the place itself.
     """
     return places * math.exp(min(0.5 * gain * (1.0 - 1.0 / max(level, 1.0)), 600.0))

@@ -1,4 +1,4 @@
-"""Every period at once: a wave in the residual that depends on the output voltage and on nothing else."""
+"""Scan over all periods of a wave in the residual that depends only on the output voltage."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ _BINS_A_PERIOD = 8
 _MOST_BINS = 1 << 17
 _PADDED = 8
 _LONGEST_SPANS = 4.0
-"""Periods of up to so many times what the output spans: half of such a wave is nearly a parabola."""
+"""Longest period, as a multiple of the output's span: half of such a wave is nearly a parabola."""
 
 _HIDDEN = 1e-3
-"""Share of a wave that the model in hand must leave: what it can follow nearly wholly says nothing."""
+"""Share of a wave's power that the present model must not be able to follow; otherwise its gain means nothing."""
 
 
 def converter_places(pull: Pull, volts: FloatArray, shortest_v: float, count: int) -> list[Place]:
-    """The periods [V] of the strongest waves sin(2π·U/period), the most promising first.
+    """Return the periods [V] of the strongest waves sin(2π·U/period), the most promising first.
 
-    `volts` (n,) are those predicted, without noise: were the measured ones taken, a row's own noise would stand on both
-    sides, and wherever rows thin out it would look like a bend. The noise shifts a wave's phase by much less than a
-    period. What the numbers of the model in hand can follow of a wave, such as the third power of the rate, is no gain.
+    `volts` (n,) are the predicted ones, without noise: with measured volts, a row's noise would be in both coordinate
+    and residual, and would look like a curvature where the density of rows decreases. The noise shifts a wave's phase
+    by much less than a period. The part of a wave that the present model can follow, such as the third power of the
+    rate, is not counted as gain.
     """
     low, high = float(volts[pull.rows].min()), float(volts[pull.rows].max())
     span = max(high - low, 1e-300)
@@ -48,9 +49,9 @@ def converter_places(pull: Pull, volts: FloatArray, shortest_v: float, count: in
     known = np.stack([-spectrum(pull.of_known(i), kept).imag for i in range(len(pull.fitted.numbers))])
     own = power - np.einsum("ik,ij,jk->k", known, pull.fitted.inverse_information, known)
     lowest = math.ceil(size * width / (_LONGEST_SPANS * span))
-    seen = (own > _HIDDEN * power) & (np.arange(kept) >= lowest)
-    gain = np.where(seen, score**2 / np.where(seen, own, 1.0), 0.0)
-    # how often a process of one degree of freedom crosses a level on its way through so many periods (Rice)
+    usable = (own > _HIDDEN * power) & (np.arange(kept) >= lowest)
+    gain = np.where(usable, score**2 / np.where(usable, own, 1.0), 0.0)
+    # rate at which a process of one degree of freedom crosses a level, over so many periods (Rice)
     usual = math.sqrt(float(np.average(volts**2, weights=pull.information)))
     places = max(2.0 * usual / shortest_v, 1.0)
     return [

@@ -1,9 +1,9 @@
-"""Every end of the range at once: a rate beyond which the output turns back or loses, an output that is not exceeded.
+"""Scan over all limits of the range: a rate at which the output folds or overloads, and the largest output.
 
-What one does between two of a procedure's rates depends on where exactly it lies: a few places to begin from would miss
-it, or stand for another one; and a fit that goes beyond the largest output finds no way back. As each acts on one
-coordinate alone, the rate or the output, the residual's pull is summed over bins of it, and every place is judged by
-those sums.
+The effect of a limit between two rates of a procedure depends on its exact position: a few starting places would miss
+it or match another one, and a fit that starts beyond the largest output does not return. Each effect acts along one
+coordinate only, rate or output, so the residual's pull is summed over bins of it, and all places are scored from these
+sums.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from benchctl_instruments.physics.effects.fringe_ambiguity import folded_dps
 _BINS = 2000
 _PLACES = 400
 _LOWEST = 0.05
-"""Share of the fastest rate, or the largest output, that the lowest place is looked for at."""
+"""Lowest place scanned, as a share of the fastest rate or the largest output."""
 _APART = 8
 _UNSURE = 3.0
-"""By so much may the scale factor be wrong that a model without the fold was fitted to."""
+"""Maximum factor by which the scale factor of a model fitted without the fold may be wrong."""
 
 
 def fold_places(pull: Pull, rate_dps: FloatArray, scale_v_per_dps: float, count: int) -> list[Place]:
-    """The most promising folds [deg/s] for rates of shape (n,), the most promising first."""
+    """Return the most promising folds [deg/s] for rates of shape (n,), the most promising first."""
 
     def change(rates: FloatArray, fold: float) -> FloatArray:
         return scale_v_per_dps * (folded_dps(rates, fold) - rates)
@@ -38,7 +38,7 @@ def fold_places(pull: Pull, rate_dps: FloatArray, scale_v_per_dps: float, count:
 
 
 def limit_places(pull: Pull, output_v: FloatArray, count: int) -> list[Place]:
-    """The most promising limits [V] of predicted outputs of shape (n,), the most promising first."""
+    """Return the most promising limits [V] of predicted outputs of shape (n,), the most promising first."""
 
     def change(outputs: FloatArray, limit: float) -> FloatArray:
         return np.clip(outputs, -limit, limit) - outputs
@@ -47,7 +47,7 @@ def limit_places(pull: Pull, output_v: FloatArray, count: int) -> list[Place]:
 
 
 def onset_places(pull: Pull, rate_dps: FloatArray, output_v: FloatArray, count: int) -> list[Place]:
-    """The most promising onsets [deg/s] of an overload, for rates and predicted outputs of shape (n,)."""
+    """Return the most promising onsets [deg/s] of an overload, for rates and predicted outputs of shape (n,)."""
     falling = np.sign(np.dot(rate_dps[pull.rows], output_v[pull.rows] - output_v[pull.rows].mean()))
 
     def change(rates: FloatArray, onset: float) -> FloatArray:
@@ -58,7 +58,7 @@ def onset_places(pull: Pull, rate_dps: FloatArray, output_v: FloatArray, count: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RailsPlace:
-    """Two rails [V] towards which the residual pulls, what they promise, and out of how many pairs they are."""
+    """A proposed pair of rails [V], its promised gain, and the number of pairs it was selected from."""
 
     lower_v: float
     upper_v: float
@@ -67,9 +67,9 @@ class RailsPlace:
 
 
 def rail_places(pull: Pull, output_v: FloatArray, count: int) -> list[RailsPlace]:
-    """The most promising pairs of rails of predicted outputs of shape (n,), the most promising first.
+    """Return the most promising pairs of rails for predicted outputs of shape (n,), the most promising first.
 
-    One rail of a pair may lie at the end of the outputs, where it does nothing.
+    One rail of a pair may be at the end of the output range, where it has no effect.
     """
     low, high = float(output_v[pull.rows].min()), float(output_v[pull.rows].max())
     if not low < high:
@@ -77,7 +77,7 @@ def rail_places(pull: Pull, output_v: FloatArray, count: int) -> list[RailsPlace
     along = _Along.of(pull, output_v, np.linspace(low, high, _BINS + 1))
     inwards = np.linspace(0.0, (1.0 - _LOWEST) * (high - low), _PLACES)
     lowers, uppers = low + inwards, high - inwards
-    # what two rails do adds up, as no output is at both
+    # the effects of two rails add up, as no output is at both
     below = along.terms(np.maximum(along.middle, lowers[:, None]) - along.middle)
     above = along.terms(np.minimum(along.middle, uppers[:, None]) - along.middle)
     common = 2.0 * below.known @ along.covariance @ above.known.T
@@ -107,7 +107,7 @@ def _places(
     *,
     sized: bool = False,
 ) -> list[Place]:
-    """The most promising ends of a coordinate of shape (n,); `change` is what one does at values of it."""
+    """Return the most promising limits of a coordinate (n,); `change` is a limit's effect at values of it."""
     largest = float(np.abs(coordinate[pull.rows]).max())
     if largest <= 0.0:
         return []
@@ -119,9 +119,9 @@ def _places(
 
 @dataclass(frozen=True, kw_only=True)
 class _Along:
-    """The pull of a residual summed over bins of a coordinate, whose middles are `middle` (b,).
+    """The pull of a residual summed over bins of a coordinate, with bin centres `middle` (b,).
 
-    `pull` and `information` (b,) are sums of the rows' own, `known` (b, p) of the pull of the fit's derivatives.
+    `pull` and `information` (b,) are sums over rows, `known` (b, p) sums of the pull of the fit's derivatives.
     """
 
     middle: FloatArray
@@ -132,7 +132,7 @@ class _Along:
 
     @classmethod
     def of(cls, pull: Pull, coordinate: FloatArray, edges: FloatArray) -> Self:
-        """Of values of a coordinate (n,), in bins between edges (b + 1,)."""
+        """Sum over values of a coordinate (n,), in bins between edges (b + 1,)."""
         bins = bin_of(coordinate, edges)
 
         def summed(values: FloatArray) -> FloatArray:
@@ -147,7 +147,7 @@ class _Along:
         )
 
     def terms(self, changes: FloatArray) -> _Terms:
-        """What changes of the prediction (m, b) come to."""
+        """Return the products of changes of the prediction (m, b)."""
         known = changes @ self.known
         power = changes**2 @ self.information
         return _Terms(
@@ -157,14 +157,14 @@ class _Along:
         )
 
     def gains(self, changes: FloatArray, *, sized: bool) -> FloatArray:
-        """What changes of the prediction (m, b) promise, (m,); those that are `sized` at their best size above 0."""
+        """Return the gains, (m,), of changes of the prediction (m, b), with optimal size above 0 if `sized`."""
         terms = self.terms(changes)
         return _gains(terms.score, np.maximum(terms.own, 1e-300), sized=sized)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Terms:
-    """Products of changes with the residual's pull (m,) and with the fit's derivatives (m, p), and their own power."""
+    """Products of changes with the residual's pull (m,) and with the derivatives (m, p), and the power not followed."""
 
     score: FloatArray
     known: FloatArray

@@ -1,7 +1,8 @@
-"""Every number of lines at once: an error of the encoder that repeats from line to line of its grating.
+"""Scan over all line numbers of an encoder's grating, for an error that repeats from line to line.
 
-Such an error e(θ) changes the prediction by −∂U/∂ω·F(e), with the filter F that makes rates of angles. So the residual
-pulls at the angles by the transpose of that, and at sin(N·θ), cos(N·θ) by one Fourier transform over the turn.
+Such an error e(θ) changes the prediction by −∂U/∂ω·F(e), with the filter F that makes rates of angles. The transposed
+filter maps the residual to a pull on the angles, and one Fourier transform over the turn gives its products with
+sin(N·θ) and cos(N·θ) for all N.
 """
 
 from __future__ import annotations
@@ -18,20 +19,20 @@ from benchctl.signals.rate import NARROW, differentiator, edges_hz, transposed
 from benchctl_instruments.arrays import FloatArray
 
 _FEWEST = 9
-"""Fewer lines to a turn are an encoder's eccentricity and its like."""
+"""Smallest number of lines; lower orders are encoder errors such as eccentricity."""
 
 _NUDGE_DPS = 1e-3
 _STEP_RAD = 1e-6
-"""Turns from row to row are told apart to so much: at 100 000 lines that is a sixtieth of a period."""
+"""Resolution of the turn from row to row: at 100 000 lines it is a sixtieth of a period."""
 
 _EVERY = 8
 _PADDED = 8
 _APART = 20
-"""Where little of a turn is covered, numbers of lines next to each other are one."""
+"""Distance below which line numbers are not distinguished, for motion that covers only a part of a turn."""
 
 
 def line_places(problem: GyroProblem, pull: Pull, most: int, count: int) -> list[Place]:
-    """The whole numbers of lines a turn whose waves promise most, up to `most`, the most promising first."""
+    """Return the most promising integer numbers of lines per turn, up to `most`, the most promising first."""
     frame = problem.frame
     every_row, information = _at_every_row(problem, pull)
     slope = _volts_per_dps(problem, pull)
@@ -52,7 +53,7 @@ def line_places(problem: GyroProblem, pull: Pull, most: int, count: int) -> list
 
 
 def _at_every_row(problem: GyroProblem, pull: Pull) -> tuple[FloatArray, FloatArray]:
-    """Pull and information at the rows of the frame, of which a problem may have kept some."""
+    """Return pull and information at all rows of the frame; a problem with a band has only some of them."""
     if problem.band is None:
         return pull.pull, pull.information
     frame = problem.frame
@@ -68,7 +69,7 @@ def _slow(problem: GyroProblem) -> FloatArray:
 
 
 def _volts_per_dps(problem: GyroProblem, pull: Pull) -> FloatArray:
-    """∂U/∂ω of the fitted model, shape (n,)."""
+    """Return ∂U/∂ω of the fitted model, shape (n,)."""
     frame, law = problem.frame, problem.chain.law
     more, less = (
         law.volts(pull.fitted.point.baseline, frame.rate_dps + nudge, frame.temp_c)
@@ -78,25 +79,25 @@ def _volts_per_dps(problem: GyroProblem, pull: Pull) -> FloatArray:
 
 
 def _powers(problem: GyroProblem, weight: FloatArray, most: int) -> FloatArray:
-    """Half of Σ weight·|gain|² of waves of amplitude one, for every number of lines up to `most`, shape (most+1,).
+    """Return half of Σ weight·|gain|² of unit waves for every number of lines up to `most`, shape (most+1,).
 
-    At each row the wave has, for as long as the filter is, the frequency that its rate gives it, folded at half the
-    sampling rate or not. The squared gain is a cosine series in that phase from row to row, whose coefficients are the
-    correlation of the filters' taps; so all that is needed is the characteristic function of the rows' turns.
+    Over the length of the filter, a row's wave has the frequency that its rate gives it, aliased or not. The squared
+    gain is a cosine series in the phase from row to row, with the autocorrelation of the filter taps as coefficients;
+    it therefore needs only the characteristic function of the rows' turns.
     """
     frame = problem.frame
     kernels = frame.motions[0].filters
     if problem.band is not None:
         kernels = (np.convolve(kernels[0], _slow(problem)), np.convolve(kernels[1], _slow(problem)))
-    place = np.floor(np.abs(np.radians(frame.rate_dps)) * frame.interval_s / _STEP_RAD).astype(np.int64)
-    bins = int(place.max()) + 1
+    cell = np.floor(np.abs(np.radians(frame.rate_dps)) * frame.interval_s / _STEP_RAD).astype(np.int64)
+    bins = int(cell.max()) + 1
     size = scipy.fft.next_fast_len(_PADDED * bins, real=True)
     orders = np.append(np.arange(0, most, _EVERY), most)
     share = frame.sudden
     total = np.zeros(orders.size)
     for mixed, a, b in ((1.0 - share) ** 2, 0, 0), (2.0 * share * (1.0 - share), 0, 1), (share**2, 1, 1):
-        turned = scipy.fft.rfft(np.bincount(place, weight * mixed, minlength=bins), size)
-        # beyond the last turns are no longer told apart: their waves have every phase
+        turned = scipy.fft.rfft(np.bincount(cell, weight * mixed, minlength=bins), size)
+        # beyond the last, turns are no longer resolved: all phases of the wave occur equally
         characteristic = np.append((turned * np.exp(-1j * np.pi / size * np.arange(turned.size))).real, 0.0)
         taps = np.correlate(kernels[a], kernels[b], "full")
         middle = taps.size // 2

@@ -1,4 +1,4 @@
-"""Every frequency at once: a line of constant amplitude in the residual, whatever the table does."""
+"""Scan over all frequencies of a line of constant amplitude in the residual, independent of the table's motion."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from benchctl_instruments.arrays import FloatArray, IntArray
 _LONGEST = 1 << 22
 _FINE = 4
 _OFF_GRID = 0.05
-"""Share of an interval by which a stretch may lie off the first one's grid before the grid is made finer."""
+"""Maximum offset, as a share of an interval, of a stretch from the first one's grid before a finer grid is used."""
 
 _BANDS = 64
 _TRIED = 8
 _CHANCE = 1e-3
 FAINTEST = 0.02
-"""Rms of a line over that of the noise, below which it may be the encoder's steps, which repeat with the motion."""
+"""Minimum rms of a line relative to the noise; a smaller one may be the encoder's steps, repeated with the motion."""
 _UNEVEN = 0.1
-"""A line whose parts disagree by less than this share of its gain is one line, however well each of them is known."""
+"""A line counts as one line if its parts disagree by less than this share of its gain, however small their errors."""
 _HARMONICS = 50.5
-"""Multiples of a swing's frequency beyond which nothing is left of its motion: that of a backlash falls as 1/n²."""
+"""Highest multiple of a swing's frequency that its motion can contain; backlash, for example, decreases as 1/n²."""
 _SWING = 0.7
-"""Share of a rate's power in one line, from which on a table swings at one frequency."""
+"""Minimum share of the rate's power in one line for a table to count as swinging at one frequency."""
 
 
 def swing_hz(rate_dps: FloatArray, time_s: FloatArray, interval_s: float) -> float:
-    """The one frequency [Hz] at which a table swings, from a rate of shape (n,); 0 where there is no such."""
+    """Return the frequency [Hz] at which a table swings, from a rate of shape (n,); 0 if there is no single one."""
     place = np.rint((time_s - time_s.min()) / interval_s).astype(np.int64)
     if place.max() >= _LONGEST:
         return 0.0
@@ -51,19 +51,19 @@ def mains_places(
     count: int,
     swinging_hz: float = 0.0,
 ) -> list[Place]:
-    """The frequencies [Hz] of the strongest lines, up to half the sampling rate, the most promising first.
+    """Return the frequencies [Hz] of the strongest lines, up to half the sampling rate, the most promising first.
 
-    `time_s` (n,) has one phase all along; rows are `interval_s` apart but for gaps; `group` (n,) are rows of one kind
-    of motion: a line that only one of them has is the motion's own, and so is a low multiple of `swinging_hz`, the one
-    frequency at which the table swings (0: there is none). A line above half the sampling rate stands at its alias, and
-    is reported there: the samples hold nothing that tells which of its aliases is meant, and the mains are never so
-    exact that a match with one of their harmonics would.
+    `time_s` (n,) has a continuous phase; rows are `interval_s` apart except at gaps; `group` (n,) is the kind of motion
+    of each row. A line present in only one kind belongs to the motion and is excluded, as is a low multiple of
+    `swinging_hz`, the single frequency at which the table swings (0: none). A line above half the sampling rate is
+    reported at its alias: the samples do not show which alias is correct, and the mains frequency is not stable enough
+    to identify it as one of its harmonics.
     """
     frequency, gain, level = _periodogram(pull, time_s, interval_s)
     honest = np.where(frequency >= lowest_hz, gain / np.maximum(level, 1.0), 0.0)
     lasts_s = math.sqrt(4.0 * math.pi * _variance(time_s, pull.information))
     width = max(0.5 * lasts_s / interval_s, 2.0)
-    # how often a periodogram, at any frequency and not only at whole ones, crosses a level by chance (Baluev, 2008)
+    # rate at which a periodogram crosses a level by chance at any frequency, not only on the grid (Baluev, 2008)
     places = width * math.sqrt(math.log(width) + 7.0)
     found: list[Place] = []
     least = FAINTEST**2 * float(np.count_nonzero(pull.rows))
@@ -79,9 +79,9 @@ def mains_places(
 
 
 def _periodogram(pull: Pull, time_s: FloatArray, interval_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Frequencies [Hz], the gain at each, and the gain's level over that of white noise; shape (m,) each.
+    """Return frequencies [Hz], the gain at each, and the gain's level over that of white noise; shape (m,) each.
 
-    Beyond four million intervals, half a day, a line is found by what came before and refined by the fit.
+    Only the first four million intervals, half a day, are used; the fit refines the frequency.
     """
     since = (time_s - time_s.min()) / interval_s
     near = since < _LONGEST
@@ -95,14 +95,14 @@ def _periodogram(pull: Pull, time_s: FloatArray, interval_s: float) -> tuple[Flo
     power = np.abs(scipy.fft.rfft(sums, size)[:kept]) ** 2
     power /= 0.5 * float(pull.information[near].sum()) * _passed(pull, frequency * interval_s)
     band = max(16, kept // _BANDS)
-    whole = power[: kept // band * band].reshape(-1, band)
-    level = np.median(whole, axis=1) / (2.0 * math.log(2.0))
+    bands = power[: kept // band * band].reshape(-1, band)
+    level = np.median(bands, axis=1) / (2.0 * math.log(2.0))
     here = np.interp(np.arange(kept), (np.arange(level.size) + 0.5) * band, level)
     return frequency, np.asarray(power), np.asarray(here)
 
 
 def _passed(pull: Pull, cycles: FloatArray) -> FloatArray:
-    """The power that the whitening leaves of a wave of so many cycles a sample, shape (m,)."""
+    """Return the power that the whitening leaves of a wave of so many cycles per sample, shape (m,)."""
     impulse = np.zeros(1 << 18)
     impulse[0] = 1.0
     response = unweighted(pull.whitener, impulse)
@@ -113,27 +113,27 @@ def _passed(pull: Pull, cycles: FloatArray) -> FloatArray:
 
 
 def _is_one_line(pull: Pull, time_s: FloatArray, group: IntArray, frequency_hz: float) -> bool:
-    """Whether all kinds of motion say the same of a line, to within chance."""
+    """Return whether a line has the same amplitude and phase in all kinds of motion, within chance."""
     phase = 2.0 * np.pi * frequency_hz * time_s
     cosine, sine = np.cos(phase), np.sin(phase)
 
     def summed(values: FloatArray) -> FloatArray:
         return np.asarray(np.bincount(group, values))
 
-    # near half the sampling rate a line beats: a short kind of motion may see more of its cosine than of its sine
+    # near half the sampling rate a line beats: a short motion may contain more of its cosine than of its sine
     both = summed(pull.information * cosine * sine)
     squares = summed(pull.information * cosine**2), summed(pull.information * sine**2)
     power = np.stack([np.stack([squares[0], both], -1), np.stack([both, squares[1]], -1)], -2)
-    seen = np.stack([summed(pull.pull * cosine), summed(pull.pull * sine)], -1)
-    together = _explained(power.sum(axis=0), seen.sum(axis=0))
-    there = np.flatnonzero(squares[0] + squares[1] > 0.0)
-    apart = sum(_explained(power[i], seen[i]) for i in there.tolist()) - together
-    chance = float(chdtri(2 * (there.size - 1), _CHANCE)) if there.size > 1 else math.inf
+    products = np.stack([summed(pull.pull * cosine), summed(pull.pull * sine)], -1)
+    together = _explained(power.sum(axis=0), products.sum(axis=0))
+    present = np.flatnonzero(squares[0] + squares[1] > 0.0)
+    apart = sum(_explained(power[i], products[i]) for i in present.tolist()) - together
+    chance = float(chdtri(2 * (present.size - 1), _CHANCE)) if present.size > 1 else math.inf
     return apart < max(chance, _UNEVEN * together)
 
 
 def _explained(power: FloatArray, seen: FloatArray) -> float:
-    """The gain of a cosine and a sine with products `power` (2, 2) that were `seen` (2,)."""
+    """Return the gain of a cosine and a sine with Gram matrix `power` (2, 2) and residual products `seen` (2,)."""
     return float(seen @ inverse(power) @ seen)
 
 

@@ -1,8 +1,8 @@
-"""Places proposed by the residual itself, for effects whose shape has far too many of them to try one by one.
+"""Places proposed by scans of the residual, for effects with far too many possible places to test one by one.
 
-A line can have any of 10⁵ frequencies, a grating any of 10⁵ numbers of lines, a fold any rate, a limit any output.
-Each scan scores them all by one transform of the residual; the best are then probes like any other, which know out of
-how many they were chosen.
+A line can have any of 10⁵ frequencies, a grating any of 10⁵ numbers of lines, a fold any rate, a limit any output. Each
+scan scores all of them with one transform of the residual. The best become ordinary probes that state how many places
+they were selected from.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ SCANNED = frozenset(
         "two_rails",
     }
 )
-"""The effects of which places are proposed."""
+"""The effects for which places are proposed."""
 _COUNT = 3
 
 
 def proposals(problem: Problem, whitener: Whitener, fitted: Fit) -> list[Probe]:
-    """The best places of every effect that is searched by scan and not in the fitted model; up to three of each.
+    """Return the best places of every scanned effect that is not in the fitted model, up to three per effect.
 
-    A probe's gain less twice the logarithm of its `places` exceeds 14 by chance less than one time in a thousand.
+    By chance, a probe's gain less twice the logarithm of its `places` exceeds 14 less than once in a thousand cases.
     """
     known = {effect.identifier for effect in fitted.point.effects}
     wanted = sorted(SCANNED - known)
@@ -64,9 +64,9 @@ def proposals(problem: Problem, whitener: Whitener, fitted: Fit) -> list[Probe]:
 
 
 def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[str, float], float, float]]:
-    """The best places of an effect, its parameters by name, each with the number of places that it is out of.
+    """Yield the best places of an effect: its parameters by name and the number of places it was selected from.
 
-    Last what it promises, of effects without a size.
+    The third value is the promised gain, for effects without a size, else 0.
     """
     parameters = problem.effects[name].parameters
     if name == "mains_pickup":
@@ -79,7 +79,7 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[s
     elif name == "adc_nonlinearity":
         for place in converter_places(pull, pull.fitted.predicted, parameters["period_v"].low, _COUNT):
             yield {"period_v": place.value}, place.places, 0.0
-    elif name == "fringe_ambiguity":  # has no size: where the fit went astray, its own column says nothing
+    elif name == "fringe_ambiguity":  # has no size: after a wrong fit its own column gives no information
         for place in fold_places(pull, problem.coordinates["rate"], float(problem.baseline_start[0]), _COUNT):
             yield {"fold_dps": place.value}, place.places, place.gain
     elif name == "overload":
@@ -101,13 +101,13 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[s
 
 
 def swinging_hz(problem: Problem) -> float:
-    """The one frequency [Hz] at which the table of a recording swings; 0 where there is no such."""
+    """Return the single frequency [Hz] at which the table of a recording swings; 0 if there is none."""
     rate = problem.coordinates.get("rate")
     return 0.0 if rate is None else swing_hz(rate, clock_s(problem), problem.interval_s)
 
 
 def clock_s(problem: Problem) -> FloatArray:
-    """Time as the effects count it: from the beginning of the recording that a stretch belongs to, shape (n,)."""
+    """Return the time that effects use, shape (n,): since the start of the recording that a stretch belongs to."""
     if isinstance(problem, DriveProblem):
         return problem.rows.clock_s
     if not isinstance(problem, GyroProblem):

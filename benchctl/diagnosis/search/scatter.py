@@ -1,7 +1,7 @@
-"""By how much a gain varies more than white noise lets it.
+"""Scatter of a gain relative to white noise.
 
-Where noise is not as white as it is taken for (the encoder's own, through the filter of the rate), a product scatters
-more than that: by how much is read off its parts, summed over half a second each (White, Econometrica 48, 1980; Newey &
+If the noise is not as white as assumed (such as the encoder's noise after the rate filter), a scalar product scatters
+more than expected. The excess is estimated from its sums over half a second each (White, Econometrica 48, 1980; Newey &
 West, Econometrica 55, 1987).
 """
 
@@ -13,25 +13,25 @@ from benchctl_instruments.arrays import FloatArray, IntArray
 
 
 def scatter(explained: FloatArray, white: FloatArray, starts: IntArray) -> float:
-    """By how much a gain varies more than white noise lets it, at least 1.
+    """Return the ratio of a gain's variance to that expected from white noise, at least 1.
 
-    `explained` (n,) is what is taken off the residual `white` (n,), `starts` the first rows of the parts that noise
-    does not reach across; rows that do not count are zero in the first two.
+    `explained` (n,) is the part explained of the residual `white` (n,); `starts` are the first rows of blocks whose
+    noise is independent of each other. Rows that do not count are zero in the first two.
     """
-    whole = Scatter()
-    whole.add(explained, white, starts)
-    return whole.ratio
+    total = Scatter()
+    total.add(explained, white, starts)
+    return total.ratio
 
 
 class Scatter:
-    """The same of rows that come some parts at a time."""
+    """The same ratio for rows that are added in several parts."""
 
     def __init__(self) -> None:
         self._explained = self._rest = self._sums = 0.0
         self._rows = 0
 
     def add(self, explained: FloatArray, white: FloatArray, starts: IntArray) -> None:
-        """Take more rows in, as `scatter` has them."""
+        """Add more rows, with the arguments of `scatter`."""
         rest = white - explained
         sums = np.add.reduceat(explained * rest, starts)
         self._explained += float(explained @ explained)
@@ -41,6 +41,6 @@ class Scatter:
 
     @property
     def ratio(self) -> float:
-        """What has been seen so far."""
+        """The ratio for all rows added so far."""
         usual = self._rest / max(self._rows, 1) * self._explained
         return max(self._sums / usual, 1.0) if usual > 0.0 else 1.0

@@ -1,11 +1,11 @@
-"""Every hypothesis at once, each at a few places: how much it could explain, and how much chance alone would.
+"""Screening of all hypotheses at a few places each: how much each could explain, and how much chance would.
 
-A probe's columns are what the prediction changes by, whitened, with everything that the model in hand can follow taken
-off. By how much twice the log likelihood falls is then a matter of scalar products. On recordings in which nothing is
-missing those products are normal with a covariance that is known, the columns' own: so the largest fall that chance
-brings, over all probes of this very procedure and noise, is drawn a few thousand times without simulating a sample.
+A probe's columns are the whitened changes of the prediction, with the part that the present model can follow removed.
+The decrease of twice the log likelihood then follows from scalar products. On recordings in which nothing is missing,
+these products are normal with a known covariance, that of the columns. So the largest decrease by chance, over all
+probes of this procedure and this noise, is drawn a few thousand times without simulating any samples.
 
-Where noise is not as white as it is taken for, a product scatters more than that, and the gain counts for so much less.
+If the noise is not as white as assumed, a product scatters more, and the gain is reduced by the same factor.
 """
 
 from __future__ import annotations
@@ -32,28 +32,28 @@ from benchctl_instruments.arrays import BoolArray, FloatArray
 SingleArray = npt.NDArray[np.float32]
 
 _UNSEEN = 1e-7
-"""Share of a column's own power that must be left when the model in hand has been taken off: below it is rounding."""
+"""Smallest share of a column's power that must remain after the present model is removed; less is rounding."""
 
 _CHOICES, _NEARLY = 2, 0.05
 _WORTH = 8.0
-"""Gains below it are not looked at twice."""
+"""Smaller gains are not examined further."""
 
 _BATCH, _BATCH_ROWS = 4, 32_000_000
-"""So many probes are looked at together, or as many as have so many rows between them."""
+"""Number of probes screened together, and the maximum number of rows of all of them."""
 _ROWS_ENOUGH = 1_000_000
 
 _DRAWS = 4000
 _CHANCE = 0.001
-"""How often chance may reach the threshold: one in a thousand, so that one in a hundred is kept when noise is odd."""
+"""Probability that chance reaches the threshold: 0.001, so that it stays below 0.01 with unusual noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scored:
-    """A probe and what it promises: `gain` in twice the log likelihood, `weights` of its columns at the best.
+    """A probe and its score: `gain` in twice the log likelihood, `weights` of its columns at the optimum.
 
-    `scatter`, at least 1, is by how much the gain varies more by chance than white noise lets it. `power` (columns,) is
-    the sum of squares of each column's part that is its own, over the noise's variance; where that is nothing although
-    the effect shows, it is `followed` by what is in the model already.
+    `scatter`, at least 1, is the ratio of the gain's chance variation to that expected from white noise. `power`
+    (columns,) is the sum of squares of each column's part that the model cannot follow, over the noise variance. If
+    that is zero although the effect changes the prediction, the effect is `followed` by the present model.
     """
 
     probe: Probe
@@ -65,22 +65,22 @@ class Scored:
 
     @property
     def promise(self) -> float:
-        """The gain less what chance adds to it."""
+        """The gain less the expected contribution of chance."""
         return self.gain / self.scatter - 2.0 * math.log(self.probe.places)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Screening:
-    """The outcome: probes with their promise, and the threshold of chance."""
+    """The result of a screening: probes with their promise, and the threshold of chance."""
 
     scored: tuple[Scored, ...]
     threshold: float
 
     def best_of_each(self) -> list[Scored]:
-        """The most promising probe of each effect, the most promising effect first.
+        """Return the most promising probe of each effect, the most promising effect first.
 
-        Of an effect with choices the best of another choice follows where it promises anything like as much: which is
-        right only a fit can tell.
+        For an effect with choices, the best probe of another choice is included if its promise is comparable: only a
+        fit can decide which choice is right.
         """
         best: dict[Place, Scored] = {}
         for one in self.scored:
@@ -96,7 +96,7 @@ class Screening:
 
 
 def _place_in_order(one: Scored) -> float:
-    """The most promising first; of two that are alike but for the last digits, the one that was tried first."""
+    """Sort key: most promising first; of two equal up to the last digits, the one that was tested first."""
     return -float(f"{one.promise:.6g}")
 
 
@@ -112,39 +112,39 @@ def screen(
 ) -> Screening:
     """Score all probes against a fitted model, on the steps that it was fitted to.
 
-    The threshold of chance is drawn for these probes, but where one is given.
+    The threshold of chance is drawn for these probes unless one is given.
     """
-    beside = _Beside.of(problem, whitener, fitted)
+    base = _Beside.of(problem, whitener, fitted)
     drawn = threshold is None
 
     def looked_at(some: Sequence[Probe]) -> tuple[list[Scored], SingleArray | None]:
-        columns = beside.columns(problem, whitener, fitted, some, progress)
-        products = beside.products(columns)
-        scored = beside.scored(some, columns, products)
-        return scored, beside.directions(columns, products) if drawn else None
+        columns = base.columns(problem, whitener, fitted, some, progress)
+        products = base.products(columns)
+        scored = base.scored(some, columns, products)
+        return scored, base.directions(columns, products) if drawn else None
 
     scored: list[Scored] = []
     directions: list[SingleArray] = []
-    for some, own in shared_out(looked_at, _in_batches(probes, beside.white.size)):
+    for some, own in shared_out(looked_at, _in_batches(probes, base.white.size)):
         scored += some
         directions += [] if own is None else [own]
     if threshold is None:
         widths = [len(probe.columns) for probe in probes]
-        threshold = _threshold(_correlation(directions), consecutive(widths), beside.count, seed)
+        threshold = _threshold(_correlation(directions), consecutive(widths), base.count, seed)
     return Screening(scored=tuple(scored), threshold=threshold)
 
 
 def _in_batches(probes: Sequence[Probe], rows: int) -> list[Sequence[Probe]]:
-    """Probes of which all columns, of so many rows, are looked at together: the fit's derivatives are read but once."""
+    """Split the probes into batches that are screened together, so that the derivatives are read once per batch."""
     size = max(1, min(_BATCH, _BATCH_ROWS // max(rows, 1)))
     return [probes[first : first + size] for first in range(0, len(probes), size)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Products:
-    """Products of whitened columns with what is known (k, p), with the residual (k,) and with each other (k, k).
+    """Products of whitened columns with the derivatives (k, p), with the residual (k,) and with each other (k, k).
 
-    `own` (k,) is the sum of squares of each column's part that is its own, 0 where that is nothing.
+    `own` (k,) is the sum of squares of each column's part that the model cannot follow, 0 if that is only rounding.
     """
 
     known: FloatArray
@@ -155,12 +155,12 @@ class _Products:
 
 @dataclass(frozen=True, kw_only=True)
 class _Beside:
-    """The fit that probes are held against: derivatives `known` (n, p) and residual `white` (n,), both whitened.
+    """The fit that probes are compared with: derivatives `known` (n, p) and residual `white` (n,), both whitened.
 
-    What is compared beside the problem's rows (`spectral_residual`) comes behind them, as if it were more of them.
-    Columns, the residual and the noise's `weight` are 0 on rows of steps that it was not fitted to (`rows`), so that
-    their products with the derivatives are those of the others. `covariance` (p, p) is that of its numbers for noise of
-    one; `count` is how many rows are free.
+    Values compared in addition to the problem's rows (`spectral_residual`) follow as further rows. Columns, the
+    residual and the noise's `weight` are 0 on rows of steps not used in the fit (`rows`), so that products with the
+    derivatives include only the fitted rows. `covariance` (p, p) is that of the parameters for noise of deviation 1;
+    `count` is the number of degrees of freedom.
     """
 
     white: FloatArray
@@ -173,9 +173,9 @@ class _Beside:
     @classmethod
     def of(cls, problem: Problem, whitener: Whitener, fitted: Fit) -> Self:
         rows = fitted.fitted[problem.step]
-        beside, spectral = fitted.fitted[problem.spectral_step], fitted.spectral
-        every = np.concatenate([rows, beside])
-        none = not beside.size
+        spectral_rows, spectral = fitted.fitted[problem.spectral_step], fitted.spectral
+        every = np.concatenate([rows, spectral_rows])
+        none = not spectral_rows.size
         return cls(
             white=np.concatenate([fitted.white, spectral.residual]) * every,
             known=fitted.derivatives if none else np.vstack([fitted.derivatives, spectral.derivatives]),
@@ -187,7 +187,7 @@ class _Beside:
 
     @cached_property
     def total(self) -> float:
-        """The residual's sum of squares."""
+        """The sum of squares of the residual."""
         return float(self.white @ self.white)
 
     def columns(
@@ -198,7 +198,7 @@ class _Beside:
         probes: Sequence[Probe],
         progress: Callable[[str], None],
     ) -> FloatArray:
-        """What the probes' effects change in the prediction, whitened, one row an effect, shape (k, n)."""
+        """Return the whitened change of the prediction by each probe's effects, one row per effect, shape (k, n)."""
         changed = np.empty((sum(len(probe.columns) for probe in probes), self.white.size))
         filled = iter(changed)
         count = fitted.predicted.size
@@ -207,8 +207,8 @@ class _Beside:
             for effect, column in zip(probe.columns, filled, strict=False):
                 effects = (*fitted.point.effects, effect)
                 predicted = problem.predict(fitted.point.baseline, effects)
-                beside = problem.spectral_residual(fitted.point.baseline, effects)
-                column[count:] = (fitted.spectral.residual - beside) * self.rows[count:]
+                residual = problem.spectral_residual(fitted.point.baseline, effects)
+                column[count:] = (fitted.spectral.residual - residual) * self.rows[count:]
                 self._fill(column[:count], predicted, fitted.predicted, None if whitener.slow else self.weight)
         if whitener.slow:
             changed[:, :count] = whitener(changed[:, :count])
@@ -216,7 +216,7 @@ class _Beside:
         return changed
 
     def _fill(self, column: FloatArray, predicted: FloatArray, known: FloatArray, weight: FloatArray | None) -> None:
-        """The column (n,) of what is predicted beyond what is known, weighed; 0 where it is not a number somewhere."""
+        """Fill the column (n,) with the weighted prediction less the known one; with 0 if any value is not finite."""
         for rows in in_cache(slice(0, known.size)):
             part = np.subtract(predicted[rows], known[rows], out=column[rows])
             if not np.isfinite(part).all():
@@ -226,7 +226,7 @@ class _Beside:
                 part *= weight[rows]
 
     def products(self, columns: FloatArray) -> _Products:
-        """The products of columns (k, n): some rows at a time, so that all three find them in a core's own memory."""
+        """Return the products of columns (k, n), computed in blocks of rows that fit into a core's cache."""
         many = len(columns)
         known, white, each_other = np.zeros((many, self.known.shape[1])), np.zeros(many), np.zeros((many, many))
         for rows in self._in_cache():
@@ -239,16 +239,16 @@ class _Beside:
         return _Products(known=known, white=white, each_other=each_other, own=np.where(own > _UNSEEN * power, own, 0.0))
 
     def scored(self, probes: Sequence[Probe], columns: FloatArray, products: _Products) -> list[Scored]:
-        """What each of the probes promises, whose columns are (k, n)."""
+        """Return the scores of the probes, whose columns are (k, n)."""
         scored = []
         for probe, some in zip(probes, consecutive([len(probe.columns) for probe in probes]), strict=True):
             own, crossed, each_other = products.own[some], products.known[some], products.each_other[some, some]
-            seen = own > 0.0
+            visible = own > 0.0
             of_known = self.covariance @ crossed.T
-            gram = (each_other - crossed @ of_known) * np.outer(seen, seen)
-            product = (products.white[some] - self._gradient @ of_known) * seen
+            gram = (each_other - crossed @ of_known) * np.outer(visible, visible)
+            product = (products.white[some] - self._gradient @ of_known) * visible
             weights = inverse(gram) @ product
-            if not probe.sizes:  # there is no such thing as less than nothing of it
+            if not probe.sizes:  # the amount of this effect cannot be negative
                 weights = np.maximum(weights, 0.0)
             drop = min(max(float(weights @ product), 0.0), self.total * (1 - 1e-12))
             gain = -self.count * math.log1p(-drop / self.total)
@@ -262,22 +262,22 @@ class _Beside:
                     scatter=odd,
                     weights=weights,
                     power=own * self.count / self.total,
-                    followed=bool(each_other.any()) and not seen.any(),
+                    followed=bool(each_other.any()) and not visible.any(),
                 )
             )
         return scored
 
     def directions(self, columns: FloatArray, products: _Products) -> SingleArray:
-        """What of columns (k, n) is their own, in single precision; of those that are not seen nothing.
+        """Return the part of columns (k, n) that the model cannot follow, in single precision; 0 if there is none.
 
-        Of very many rows some are taken: how alike two columns are is known well enough from them.
+        For very many rows a subset is used: it determines the correlation of the columns well enough.
         """
         own = columns[:, self._enough] - (products.known @ self.covariance) @ self._enough_known
         own *= (products.own > 0.0)[:, None]
         return np.asarray(own, np.float32)
 
     def _scatter(self, columns: FloatArray, weights: FloatArray, of_known: FloatArray) -> float:
-        """That of what columns (k, n) explain with weights (k,), less what of it the model can follow (p,)."""
+        """Return the scatter of what columns (k, n) explain with weights (k,), less what the model can follow (p,)."""
         found = Scatter()
         for rows in self._in_cache():
             explained = weights @ columns[:, rows] - (self.known[rows] @ of_known) * self.rows[rows]
@@ -301,7 +301,7 @@ class _Beside:
 
 
 def _correlation(directions: Sequence[SingleArray]) -> FloatArray:
-    """How alike columns (k, n) are, one group after another."""
+    """Return the correlation of columns (k, n), which are given in groups."""
     columns = np.concatenate(directions) if directions else np.zeros((0, 0), np.float32)
     products = (columns @ columns.T).astype(np.float64)
     size = np.sqrt(np.diag(products))
@@ -310,7 +310,7 @@ def _correlation(directions: Sequence[SingleArray]) -> FloatArray:
 
 
 def _threshold(correlation: FloatArray, groups: Sequence[slice], count: float, seed: int) -> float:
-    """The gain that chance reaches anywhere in the search, one time in a thousand, on so many rows that count."""
+    """Return the gain that chance reaches anywhere in the search with probability 0.001, for `count` rows."""
     if not groups:
         return 0.0
     values, vectors = np.linalg.eigh(correlation)
@@ -322,6 +322,6 @@ def _threshold(correlation: FloatArray, groups: Sequence[slice], count: float, s
         part = draws[:, group]
         gain = np.einsum("di,ij,dj->d", part, inverse(correlation[group, group]), part)
         np.maximum(largest, gain, out=largest)
-    # the size of the noise is not known but measured on the same rows: of few, chance explains a larger share
+    # the noise level is estimated from the same rows: with few rows chance explains a larger share
     gains = count * np.log1p(largest / chance.chisquare(count, _DRAWS))
     return float(np.quantile(gains, 1.0 - _CHANCE))

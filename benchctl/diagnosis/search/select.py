@@ -1,4 +1,4 @@
-"""Selection: what the data demand, added one by one, refitted together, and dropped where it is not needed any more."""
+"""Selection: add the effects that the data require one by one, refit all jointly, drop those no longer needed."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ _MOST_FINDINGS = 5
 _RIVALS = 5
 _MOST_SWAPS = 6
 _MOST_REFUSED = 3
-"""With so many effects refused, because they make held-out steps worse, the search ends."""
+"""The search ends when so many effects have been refused because they make the prediction of held-out steps worse."""
 _HIDDEN, _PAIRS, _MOST_OF_IT = 6, 3, 0.5
-"""So many effects that do not pass alone are paired; so many pairs are fitted, that explain at least such a share."""
+"""Number of effects, not significant alone, that are paired; number of pairs fitted; share a pair must explain."""
 _FIRST_LOOK = 0.1
 _SEARCHED, _EACH_ROUND = 0.9, 0.5
-"""Share of a diagnosis that is the search, and of what is left of it that each further effect is taken to need."""
+"""Share of a diagnosis that is the search; share of the remaining search attributed to each further screening."""
 
 
 def _later(share: float) -> float:
-    """How much of a diagnosis is done behind the first look, of which a share is."""
+    """Return the completed share of a diagnosis after the first search, from the share of the second search."""
     return _FIRST_LOOK + (1.0 - _FIRST_LOOK) * share
 
 
 def _share_done(rounds: int) -> float:
-    """How much of a diagnosis is done after so many screenings; how many there will be nobody knows."""
+    """Return the estimated completed share of a diagnosis after so many screenings; their final number is unknown."""
     return _SEARCHED * (1.0 - _EACH_ROUND**rounds)
 
 
@@ -60,10 +60,10 @@ def select(
     rounding_v2: float = 0.0,
     chosen: Selection | None = None,
 ) -> Selection:
-    """Find what a problem's data demand, beginning with what was `chosen` for the same data looked at otherwise.
+    """Find the effects that a problem's data require, starting from `chosen`, an earlier result for the same data.
 
-    `rounding_v2` [unit²] is the variance of what a coarse converter rounds off: where motion sweeps its steps slowly or
-    alike each time, that is no noise, and what explains a small share of it only is not believed.
+    `rounding_v2` [unit²] is the variance of a coarse converter's rounding. If motion sweeps the steps slowly or in the
+    same way each time, rounding is not noise, and an effect that explains only a small share of it is not accepted.
     """
     first = None if chosen is None else _Plain.of(chosen)
     return _Search(problem, seed, progress, rounding_v2).run(first=first)
@@ -77,14 +77,14 @@ def select_between(
     progress: Callable[[str, float], None],
     rounding_v2: float = 0.0,
 ) -> tuple[Problem, Selection]:
-    """The same where there is another answer to what a recording does not state.
+    """Find the effects as `select` does, and choose between two assumptions about what a recording does not state.
 
-    As soon as something has been found, `better` is asked whether the recording is better explained under the other
-    answer; where it gives one, the search goes on with that problem, from what of the findings still holds. When
-    nothing more is found it is asked once more: the answer that it gives beside all of it counts.
+    After each finding, `better` tests whether the other assumption explains the recording better; if so, it returns
+    that problem, and the search continues with it and with the findings that remain valid. A final test at the end of
+    the search decides with all findings in the model.
 
-    Of very many rows a first look at few of them finds what is plain; all of them say whether it holds, and what else
-    there is.
+    For very long recordings, a first search on a subset of the rows finds the obvious effects; the search on all rows
+    then confirms or drops them and finds the others.
     """
     few = problem.thinned()
     if few is None:
@@ -99,12 +99,12 @@ def select_between(
 
 
 def without(problem: Problem, chosen: Selection, *keys: str) -> Fit:
-    """The fit of all but the effects of some keys, on the steps that chose."""
+    """Return the fit without the effects of some keys, on the steps used for the selection."""
     return fit(problem, chosen.whitener, _dropped(chosen.after.point, keys), chosen.after.fitted)
 
 
 def reduced(problem: Problem, chosen: Selection, keys: Collection[str]) -> Selection:
-    """The selection without some of what was chosen, effects and noises, the rest refitted and its keys made anew."""
+    """Return the selection without some chosen effects and noises, with all other parameters refitted and new keys."""
     noise = chosen.noise.dropped(keys)
 
     def fitted(one: Fit) -> Fit:
@@ -122,14 +122,14 @@ def reduced(problem: Problem, chosen: Selection, keys: Collection[str]) -> Selec
 
 
 def settled_again(problem: Problem, chosen: Selection, fallen: Collection[Place], *, seed: int) -> Selection:
-    """The selection after names have `fallen`: what was needed beside them only goes, and rivals are compared anew."""
+    """Return the selection after effects were withdrawn (`fallen`): drop unneeded effects, compare rivals again."""
     return _Search(problem, seed, lambda _name, _share: None, 0.0).settle(chosen, fallen)
 
 
 def without_nothing(problem: Problem, chosen: Selection) -> Selection:
-    """The selection without findings that may be as small as nothing, as one may once others have been withdrawn.
+    """Return the selection without findings not distinguishable from zero, which withdrawn names may leave behind.
 
-    Structures stay: what is stated of them is made.
+    Structures are kept: the statement about them is already made.
     """
 
     def findings() -> list[int]:
@@ -147,7 +147,7 @@ def _dropped(point: Point, keys: Collection[str]) -> Point:
 
 
 def _added(more: Fit, less: Fit) -> float:
-    """The evidence for the effects that a model has more than another."""
+    """Return the evidence for the effects that one model has in addition to those of another."""
     known = _places(less)
     added = [place for place, one in enumerate(_places(more)) if one not in known]
     return gain_of(more, less) - sum(occam_factor(more, place) for place in added)
@@ -158,20 +158,21 @@ def _places(present: Fit) -> list[Place]:
 
 
 def _not_to_state(problem: Problem, present: Fit, evidence: Mapping[str, Evidence]) -> DescribedEffect | None:
-    """The effect that makes held-out steps worst, stands at a bound, or may be as small as nothing; None if none is."""
-    nothing = may_be_nothing(problem, present)
+    """Return the effect that most worsens held-out steps, is at a bound or is consistent with zero; None if none is."""
+    zero = may_be_nothing(problem, present)
     worse = [
-        (it.heldout, place)
-        for place, (one, it) in enumerate(zip(present.point.effects, evidence.values(), strict=True))
-        if it.heldout < it.heldout_least or at_bound(one) or place in nothing
+        (its.heldout, place)
+        for place, (one, its) in enumerate(zip(present.point.effects, evidence.values(), strict=True))
+        if its.heldout < its.heldout_least or at_bound(one) or place in zero
     ]
     return present.point.effects[min(worse)[1]] if worse else None
 
 
 def may_be_nothing(problem: Problem, fitted: Fit) -> set[int]:
-    """The places of the effects of which everything that may be zero has zero within its 95 % interval.
+    """Return the indices of effects whose vanishing parameters all have zero within their 95 % interval.
 
-    A dead time beside a disturbance, which a lag may leave by chance, within that of Schwarz's criterion.
+    Shape parameters, such as a dead time next to a disturbance, which a lag can leave by chance, are tested with the
+    wider interval of Schwarz's criterion.
     """
     errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
     sizes = [
@@ -195,41 +196,41 @@ def _may_be_zero(parameter: Parameter, value: float, half: float) -> bool:
 
 
 def _vanishes(parameter: Parameter) -> bool:
-    """Whether a number is zero where its effect is gone."""
+    """Return whether a parameter is zero when its effect is absent."""
     return parameter.role == "size" or (parameter.zero == 0.0 and not parameter.logarithmic)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Plain:
-    """What an earlier search has found, and by the place of each what else it was tried against."""
+    """Effects found by an earlier search, and for each the rivals it was compared with."""
 
     effects: tuple[DescribedEffect, ...]
     rivals: Mapping[Place, tuple[str, ...]]
 
     @staticmethod
     def of(chosen: Selection) -> _Plain:
-        """What a search that came to its end has chosen."""
+        """Return the effects chosen by a finished search."""
         effects = chosen.after.point.effects
         evidence = zip(effects, chosen.evidence.values(), strict=True)
         return _Plain(effects=effects, rivals={place_of(one): tuple(its.rivals) for one, its in evidence})
 
 
 class _Search(Models):
-    """What grows a model, and lets it settle."""
+    """The search: adds effects to a model, then drops and replaces them until the model no longer changes."""
 
     @property
     def problem(self) -> Problem:
-        """The problem, under the answer that explains the recording better."""
+        """The problem, under the assumption that explains the recording better."""
         return self._problem
 
     def look(self, better: Better) -> _Plain:
-        """Find what is plain, for another search to begin with."""
+        """Find the obvious effects, as the start of another search."""
         self._stated = self._problem
         present, _ = self._grown(self._begun(Point(baseline=self._problem.baseline_start)), better)
         return _Plain(effects=present.point.effects, rivals=self._rivals)
 
     def run(self, better: Better | None = None, first: _Plain | None = None) -> Selection:
-        """Find all, beginning with what a `first` search has found."""
+        """Find all effects, starting from those that a `first` search has found."""
         self._stated = self._problem
         untouched = Point(baseline=self._problem.baseline_start)
         begun = self._begun(untouched)
@@ -251,7 +252,7 @@ class _Search(Models):
                 break
             self._refused |= gone
             present = present if worse is None else self._without(present, worse)
-            if len(self._refused) < _MOST_REFUSED:  # what it stood for may be another effect
+            if len(self._refused) < _MOST_REFUSED:  # the refused effect may have replaced another one
                 present, screening = self._grown(present)
                 looked = _places(present)
             grown = _places(present)
@@ -272,7 +273,7 @@ class _Search(Models):
         )
 
     def settle(self, chosen: Selection, fallen: Collection[Place]) -> Selection:
-        """What was chosen without what is not needed, nothing added; what has `fallen` is no rival either."""
+        """Return the selection without unneeded effects, adding none; `fallen` effects are not rivals either."""
         self._noise, self._threshold = chosen.noise, chosen.screening.threshold
         self._rivals, self._refused = dict(_Plain.of(chosen).rivals), set(fallen)
         present, evidence = self._settled(chosen.after)
@@ -286,20 +287,20 @@ class _Search(Models):
         return fit(self._problem, self._noise.whitener, present, everything) if self._held.any() else present
 
     def _begun(self, untouched: Point) -> Fit:
-        """The first fit, of rows weighed by the noise that it leaves."""
+        """Return the first fit, with rows weighted by the noise estimated from its residual."""
         present = self._fit(untouched)
         self._noise = self._noise.levelled(self._problem, present)
         return self._fit(present)
 
     def _answered(self, present: Fit, better: Better | None) -> Fit:
-        """The model under the other answer to what is not stated, where that is better; else as it is."""
+        """Return the model under the other assumption if that is better, else unchanged."""
         other = None if better is None else better(self._problem, present, self._noise.whitener)
         return present if other is None else self._reviewed(self._under(other, present))
 
     def _confirmed(self, present: Fit, better: Better | None) -> Fit:
-        """The model under the answer that holds beside all that was found; as it is, where that is the one it has.
+        """Return the model under the assumption that is better with all findings included; it may be unchanged.
 
-        One that was taken early was taken beside less, and what was still missing may have looked like it.
+        An assumption chosen early was chosen with fewer effects, and a missing effect may have looked like it.
         """
         if better is None or self._problem is self._stated:
             return self._answered(present, better)
@@ -310,18 +311,18 @@ class _Search(Models):
         return self._reviewed(self._under(self._stated, present))
 
     def _under(self, problem: Problem, present: Fit) -> Fit:
-        """The model fitted under another answer, which is taken from now on."""
+        """Return the model fitted under another assumption, which is used from now on."""
         self._problem, self._bare = problem, None
         return self._fit(present.point)
 
     def _reviewed(self, present: Fit) -> Fit:
-        """The model with its noise measured anew, and without what is no longer needed."""
+        """Return the model with its noise measured again, and without effects that are no longer needed."""
         return self._pruned(self._remeasured(present, self._least(present)), present.point.effects)
 
     def _grown(self, present: Fit, better: Better | None = None) -> tuple[Fit, Screening]:
-        """A model to which everything has been added that the data demand, and the last look that found no more.
+        """Return the model with all effects that the data require, and the last screening, which found no more.
 
-        With every effect it is asked for the other answer: the sooner that is known, the less is looked for twice.
+        After each added effect the other assumption is tested: an early decision avoids repeated searches.
         """
         number = 0
         while True:
@@ -345,35 +346,35 @@ class _Search(Models):
             if tried is None:
                 return present, screening
             present = self._remeasured(self._pruned(tried.fit, tried.fit.point.effects[:-1]), least)
-            del tried  # its derivatives are as large as those of what took its place
+            del tried  # its derivatives need as much memory as those of the fit that replaced it
             if self._problem is self._stated:
                 present = self._answered(present, better)
 
     def _remeasured(self, present: Fit, threshold: float) -> Fit:
-        """The fit with what was found of the noise measured beside it."""
+        """Return the fit with the noise findings measured again for this model."""
         if not self._noise.found:
             return present
         self._noise = self._noise.measured(self._problem, present, least_gain=threshold)
         return self._fit(present)
 
     def _noise_first(self, present: Fit, noisy: Noisy, tried: Tried, least: float) -> bool:
-        """Whether noise is to be taken before an effect.
+        """Return whether the noise process is to be added before the effect.
 
-        A process follows anything slow: it may gain more than the effect that it stands for. But beside that effect a
-        process of its own has always the same size, and one that stands for it a much smaller one.
+        A noise process follows anything slow and may gain more than the effect that it imitates. With the effect in the
+        model, a genuine process keeps its size, while an imitating one becomes much smaller.
         """
         if noisy.gain <= tried.evidence:
             return False
-        beside = self._noise.best(self._problem, tried.fit, least_gain=least)
-        effect_first = tried.evidence + (beside.gain if beside is not None else 0.0)
+        with_effect = self._noise.best(self._problem, tried.fit, least_gain=least)
+        effect_first = tried.evidence + (with_effect.gain if with_effect is not None else 0.0)
         whitener = noisy.whitener
         both, alone = (fit(self._problem, whitener, one, self._fitted) for one in (tried.fit, present))
         return effect_first <= noisy.gain + max(gain_of(both, alone), 0.0) + least
 
     def _instead_of_process(self, present: Fit, share: float) -> Tried | None:
-        """An effect that a process stands for, without the process; None, and all stays, where there is none.
+        """Return a model in which an effect replaces a noise process; None, with nothing changed, if there is none.
 
-        What else is missing hides it at first: as long as the residual is full of something, either follows it badly.
+        Other missing effects can hide this effect at first: in a structured residual both follow it badly.
         """
         found = self._noise
         process = next((found.found[name] for name in PROCESSES if name in found.found), None)
@@ -389,9 +390,9 @@ class _Search(Models):
         return None
 
     def _paired(self, present: Fit, screening: Screening) -> Tried | None:
-        """The best model with two effects more, where each is needed beside the other though neither passes alone.
+        """Return the best model with two more effects of which each is needed, though neither is significant alone.
 
-        Together they explain most of what is beyond pure error; two that do not are not what hid each other.
+        Together they must explain most of what exceeds pure error; otherwise they are not effects that hid each other.
         """
         hidden = self._hidden(present, screening)
         beyond_noise = self._beyond_noise(present)
@@ -400,7 +401,7 @@ class _Search(Models):
         for pair in pairs_of(self._problem, self._noise.whitener, present, hidden)[:_PAIRS]:
             if pair.promise > self._least(present) + chosen_from and pair.explains >= _MOST_OF_IT * beyond_noise:
                 begun.append((replace(present.point, effects=(*present.point.effects, *pair.effects)), pair.places))
-        for scored in hidden[:_PAIRS]:  # and beside one of them what a problem itself begins with
+        for scored in hidden[:_PAIRS]:  # one of them together with a start that the problem itself proposes
             one = self._with(present, scored).fit.point
             begun.extend((start, scored.probe.places) for start in self._starts(one))
         best: Tried | None = None
@@ -418,12 +419,12 @@ class _Search(Models):
         return best
 
     def _beyond_noise(self, present: Fit) -> float:
-        """The share of what a model leaves that is no pure error."""
+        """Return the share of a model's residual power that is not pure error."""
         noise = self._noise.pure_error
         return 1.0 - min(noise / present.deviation, 1.0) ** 2
 
     def _hidden(self, present: Fit, screening: Screening) -> list[Scored]:
-        """The best places of the effects that gain most, scatter or not; none where not even one gains enough."""
+        """Return the best place of each effect with the largest gains, scatter ignored; empty if all are too small."""
         best: dict[str, Scored] = {}
         for one in self._free(present, screening).best_of_each():
             if one.probe.identifier not in best or one.gain > best[one.probe.identifier].gain:
@@ -433,13 +434,13 @@ class _Search(Models):
         return ranked if any(one.gain - 2.0 * math.log(one.probe.places) > least for one in ranked) else []
 
     def _needed(self, present: Fit, effect: DescribedEffect, look_elsewhere: float) -> bool:
-        """Whether one of a model's effects passes beside the others, also on steps that it was not fitted to."""
+        """Return whether one effect of a model is significant with the others in place, also on steps not fitted."""
         less = self._without(present, effect)
         promise = self._beyond_chance(present, less) - look_elsewhere
         return promise > self._least(less) and gain_kept(present, less, self._folds) > 0.0
 
     def _pruned(self, present: Fit, effects: Sequence[DescribedEffect]) -> Fit:
-        """Without those of its effects that are no longer needed."""
+        """Return the fit without those of the given effects that are no longer needed."""
         for effect in effects:
             less = self._without(present, effect)
             if self._beyond_chance(present, less) < self._least(less):
@@ -447,7 +448,7 @@ class _Search(Models):
         return present
 
     def _settled(self, present: Fit) -> tuple[Fit, dict[str, Evidence]]:
-        """Every effect against none and against its rivals, with all others in place, until none gives way."""
+        """Compare every effect with its absence and its rivals, all others in place, until the model is unchanged."""
         for _ in range(_MOST_SWAPS + len(present.point.effects)):
             evidence: dict[str, Evidence] = {}
             for key, effect in zip(keys_of(present.point.effects), present.point.effects, strict=True):
@@ -473,16 +474,16 @@ class _Search(Models):
         }
 
     def _earned(self, own: Evidence) -> float:
-        """What counts for an effect: what it gains where it was fitted, and where held-out steps bear witness.
+        """Return the gain that counts for an effect: that on the fitted steps plus that on held-out steps.
 
-        Of a gyro they bear witness against it alone, as what a coarse converter rounds off is alike in all steps.
+        For a gyro, held-out steps count only if negative, because a coarse converter's rounding is alike in all steps.
         """
         return own.gain + (min(own.heldout, 0.0) if isinstance(self._problem, GyroProblem) else own.heldout)
 
     def _one_for_two(self, present: Fit) -> Fit | None:
-        """The model with one effect in place of two that it is like, where the two do no better; None if none is.
+        """Return the model with one effect in place of two similar ones if the two do no better; None if there is none.
 
-        Beside either of the two there is nothing left for it to explain: it shows only without both.
+        With either of the two in the model, the one effect has nothing to explain: it is significant only without both.
         """
         for two in itertools.combinations(present.point.effects, 2):
             kinds = frozenset(two[0].look_alikes) & frozenset(two[1].look_alikes) & self._problem.effects.keys()
@@ -498,13 +499,13 @@ class _Search(Models):
         return None
 
     def _two_for_one(self, present: Fit) -> Fit | None:
-        """The model with two effects in place of one that stands for both badly, where they do clearly better.
+        """Return the model with two effects in place of one that imitates both, if it is clearly better; else None.
 
-        Asked only where more than pure error is left: beside that one effect neither of the two shows. The one must not
-        do as well with either of the two beside it: then only that effect is missing, and the one stays.
+        This is tested only if more than pure error remains, as neither of the two is visible with the one effect in the
+        model. If the one effect does as well together with either of the two, only that effect was missing.
         """
         least = self._least(present)
-        if self._beyond_noise(present) < -math.expm1(-least / present.rows):  # as much as could be gained is too little
+        if self._beyond_noise(present) < -math.expm1(-least / present.rows):  # the largest possible gain is too small
             return None
         imperfect = least - (self._threshold or 0.0)
         for effect in present.point.effects:
@@ -514,19 +515,19 @@ class _Search(Models):
             tried = self._paired(less, replace(screening, scored=others))
             if tried is None or tried.evidence <= _added(present, less) + least:
                 continue
-            beside = (
+            with_one = (
                 replace(present.point, effects=(*present.point.effects, one)) for one in tried.fit.point.effects[-2:]
             )
-            if all(tried.evidence > _added(self._fit(point), less) + imperfect for point in beside):
+            if all(tried.evidence > _added(self._fit(point), less) + imperfect for point in with_one):
                 self._rivals[place_of(tried.added)] = (effect.identifier,)
                 return tried.fit
         return None
 
     def _evidence(self, present: Fit, less: Fit) -> Evidence:
-        """Once nothing else is missing, an effect has to bear witness in all steps alike.
+        """Return the evidence for an effect, with a scatter that also accounts for differences between steps.
 
-        The rounding of an encoder's angles repeats itself in a swing that lasts a whole number of samples: within such
-        a step it does not average out, but no other step repeats it (Liang & Zeger, Biometrika 73, 1986).
+        The rounding of an encoder's angles repeats itself in a swing whose period is an integer number of samples:
+        within a step it does not average out, but it differs between steps (Liang & Zeger, Biometrika 73, 1986).
         """
         held = self._held[self._problem.step]
         by_steps = self._scatter_over(step_starts(self._problem.step), present, less)
@@ -541,15 +542,15 @@ class _Search(Models):
     def _rivalled(
         self, present: Fit, less: Fit, effect: DescribedEffect
     ) -> tuple[dict[str, float], Point | None, Tried | None]:
-        """By how much rivals in the effect's place are worse, the model with the nearest, and the best if better."""
+        """Return the losses of evidence with rivals in place, the nearest rival's model, and the best one if better."""
         mine = _added(present, less)
         kinds = frozenset({*self._rivals.get(place_of(effect), ()), *effect.look_alikes, effect.identifier})
         rivals: dict[str, float] = {}
         best: Tried | None = None
         nearest: Tried | None = None
-        # rivals are compared by evidence: what the rest of the model leaves without the effect must not hide them
-        seen = self._screened(less, (_SEARCHED, _SEARCHED), kinds)
-        even = replace(seen, scored=tuple(replace(one, scatter=1.0) for one in seen.scored))
+        # rivals are compared by evidence: scatter due to the absent effect must not hide them
+        screening = self._screened(less, (_SEARCHED, _SEARCHED), kinds)
+        even = replace(screening, scored=tuple(replace(one, scatter=1.0) for one in screening.scored))
         others = (one for one in self._tried(less, even, kinds) if place_of(one.added) != place_of(effect))
         for tried in itertools.islice(others, _RIVALS):
             if tried.evidence == -math.inf:

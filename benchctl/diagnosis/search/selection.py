@@ -1,4 +1,4 @@
-"""What a search has chosen, and what speaks for each part of it."""
+"""The result of a search: the chosen model and the evidence for each of its effects."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """What speaks for an effect in the model.
+    """The evidence for an effect in the model.
 
-    `gain` is lost in twice the log likelihood if it is dropped, all else refitted; `heldout` on held-out steps, where
-    one that is right gains no less than `heldout_least` but by a rare chance. Chance scatters by `scatter` more than
-    white noise would. `rivals` are the losses of evidence with each in its place;
-    `excess` (n,) is what a row's squared innovation grows by without it; `nearest` the model with the nearest rival.
+    `gain` is the loss in twice the log likelihood if the effect is dropped and all else refitted; `heldout` the same on
+    held-out steps, where a correct effect gains less than `heldout_least` only by a rare chance. `scatter` is the ratio
+    of the gain's scatter to that expected from white noise. `rivals` are the losses of evidence with each rival in its
+    place; `excess` (n,) is the increase of each row's squared innovation without it; `nearest` is the model with the
+    nearest rival.
     """
 
     gain: float
@@ -37,10 +38,10 @@ class Evidence:
 
 @dataclass(frozen=True, kw_only=True)
 class Selection:
-    """What was chosen. `before` has the baseline alone, `after` the findings; neither has seen the held-out steps.
+    """The chosen models. `before` has the baseline alone, `after` the findings; neither used the held-out steps.
 
-    `whole` is fitted to all steps. `evidence` is by the keys of `after.point.effects`, in their order; `noise` what
-    was found of the noise, with the whitener that goes with it; `least` is what anything more would have had to gain.
+    `whole` is fitted to all steps. `evidence` has the keys of `after.point.effects`, in their order; `noise` is the
+    noise model with its whitener; `least` is the gain that a further effect would have needed.
     """
 
     before: Fit
@@ -52,16 +53,16 @@ class Selection:
     heldout: BoolArray
     least: float
     named: Fit | None = None
-    """`after` without the structures that have no name; None where there are none."""
+    """`after` without the unnamed structures; None if there are none."""
     noise_structure: DescribedEffect | None = None
-    """How the noise depends on something, where it does in a way that has no name; the whitener knows of it."""
+    """An unnamed dependence of the noise on a coordinate, if any; the whitener includes it."""
 
     @property
     def whitener(self) -> Whitener:
-        """What makes the noise white."""
+        """The filter that makes the noise white."""
         return self.noise.whitener
 
     @property
     def white_deviation(self) -> float:
-        """Deviation of the white part of a row's noise."""
+        """Standard deviation of the white part of a row's noise."""
         return self.after.deviation / self.whitener.innovation

@@ -1,10 +1,11 @@
-"""Every small set of effects, fitted and compared: what a chamber's data demand beside what disturbs its air.
+"""Search over all small sets of effects, for a chamber, whose air has a slow disturbance.
 
-A disturbance is felt for long, so a model that grows effect by effect follows its first mistake: half of what is
-missing looks like a drift, and the next effect mends that. Sets of up to three are few enough to fit them all. Each is
-fitted to the measured quantity itself. One that misses it by more than a disturbance would do is out; the others are
-judged by the likelihood of what they leave beside the disturbance that each needs. Every effect must gain more than
-chance brings to its numbers (Wilks, Annals of Mathematical Statistics 9, 1938) from among all effects and places.
+A disturbance acts for a long time, so a model that adds effects one by one can start with the wrong one: half of what
+is missing looks like a drift, and the next effect corrects it. There are few enough sets of up to three effects to fit
+them all. Each is fitted to the measured quantity itself. A set that misses it by more than a disturbance could is
+rejected; the others are compared by the likelihood of their residual, each with the disturbance that it needs. Every
+effect must gain more than chance does (Wilks, Annals of Mathematical Statistics 9, 1938), with all effects and places
+that were tested taken into account.
 """
 
 from __future__ import annotations
@@ -36,31 +37,31 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.structures import Structure
 
 _MOST, _MOST_BESIDE = 3, 2
-"""Sets of up to so many effects are fitted, and of so many beside structures."""
+"""Maximum number of effects in a set, without and with structures in the model."""
 _LOOKED, _PLACES = 2, 3
-"""Beside fewer effects than so many a look says where another one begins, at so many places."""
+"""For sets with fewer effects, a screening proposes the starts of one more effect; number of starts per effect."""
 _FIRST_ROUNDS, _ROUNDS, _FOLLOWED = 4, 30, 2
 CHANCE = 0.001
-"""How often chance may bring what an effect must gain: one in a thousand, as a disturbance is never quite as taken."""
+"""Probability that chance exceeds the required gain; small, because the disturbance model is never exact."""
 _SEARCHED = 0.9
-"""Share of a diagnosis that is this search."""
+"""Share of a diagnosis that this search takes."""
 
 _Names = tuple[str, ...]
-"""Identifiers of the effects of a set, in the order of their names."""
+"""Identifiers of the effects of a set, in alphabetical order."""
 
 
 def select_subset(
     problem: Problem, *, seed: int, progress: Callable[[str, float], None], beside: tuple[Structure, ...] = ()
 ) -> Selection:
-    """Find what a `disturbed` problem's data demand: the likeliest of all small sets of which everything is needed.
+    """Find the likeliest of all small sets of effects of a `disturbed` problem in which every effect is needed.
 
-    Structures may be there `beside` every set.
+    `beside` are structures that are part of every model.
     """
     return _Subsets(problem, progress, beside).selection(seed)
 
 
 def price_of(problem: Problem, effect: DescribedEffect | None = None) -> float:
-    """What an effect must gain, in twice the log likelihood; of none at all what the least of one number must."""
+    """Return the gain in twice the log likelihood that an effect needs; without effect, that of a single parameter."""
     parameters = () if effect is None else effect.parameters.values()
     free = sum(one.role not in ("choice", "assumed") for one in parameters)
     places = math.prod(len(one.scan) for one in parameters if one.role == "shape")
@@ -68,7 +69,7 @@ def price_of(problem: Problem, effect: DescribedEffect | None = None) -> float:
 
 
 def evidence_beside(problem: Problem, fitted: Fit, effect: DescribedEffect, heldout: BoolArray) -> Evidence:
-    """What speaks for an effect of a fit: against the same without it."""
+    """Return the evidence for an effect of a fit, compared with the fit without it."""
     others = tuple(one for one in fitted.point.effects if one is not effect)
     less = fit(problem, fitted.whitener, replace(fitted.point, effects=others), fitted.fitted)
     return Evidence(
@@ -80,7 +81,7 @@ def evidence_beside(problem: Problem, fitted: Fit, effect: DescribedEffect, held
 
 
 class _Subsets:
-    """The sets of effects that were tried, by their names."""
+    """The sets of effects that were fitted, by their names."""
 
     def __init__(self, problem: Problem, progress: Callable[[str, float], None], beside: tuple[Structure, ...]) -> None:
         self._problem = problem
@@ -100,17 +101,17 @@ class _Subsets:
             self._begin_from_larger(itertools.combinations(kinds, size))
 
     def selection(self, seed: int) -> Selection:
-        """The best set of which everything may be stated, and what speaks for each part of it."""
+        """Return the best set in which every effect is confirmed, with the evidence for each."""
         problem, names = self._problem, self._to_state()
         after, everything = self._tried[names], np.ones_like(self._held)
-        whole = fit(problem, self._noise.whitener, after, everything) if self._held.any() else after
+        fitted = fit(problem, self._noise.whitener, after, everything) if self._held.any() else after
         screening = screen(
             problem, self._noise.whitener, after, self._probes, seed=seed, threshold=price_of(self._problem)
         )
         return Selection(
             before=fit(problem, self._noise.plain, self._untouched, ~self._held),
             after=after,
-            whole=with_disturbance(problem, whole),
+            whole=with_disturbance(problem, fitted),
             noise=self._noise,
             screening=screening,
             evidence=dict(zip(keys_of(after.point.effects), self._evidence(names, after), strict=True)),
@@ -127,9 +128,9 @@ class _Subsets:
                 self._tried[names] = tried
 
     def _begin_from_larger(self, sets: Iterable[_Names]) -> None:
-        """Fit each set again from the nearest larger one, less what that has more: it may have ended far away.
+        """Fit each set again from the nearest larger set without its extra effects, as the first fit may be local.
 
-        Where what comes of it is no nearer than chance brings (two lags that change places), it stays as it is.
+        The new fit is used only if it gains more than chance does (two lags, for example, may swap roles).
         """
         for names in sets:
             larger = [more for more in self._tried if set(names) < set(more)]
@@ -141,9 +142,9 @@ class _Subsets:
                     self._tried[names] = again
 
     def _fitted(self, names: _Names) -> Fit | None:
-        """A set fitted from all that have one effect less; None where something of it stands at a bound every time.
+        """Return the fit of a set, started from all sets with one effect less; None if it always ends at a bound.
 
-        The starts from which the first rounds come nearest are followed to their end, till some have come to one.
+        The starts that are nearest after the first rounds are continued until a few have converged.
         """
         begun: list[Fit] = []
         for less in _each_without_one(names):
@@ -160,26 +161,26 @@ class _Subsets:
         return min(inside, key=lambda one: one.squares, default=None)
 
     def _starts(self, less: _Names, added: str) -> Iterator[Point]:
-        """Where a set begins with one effect more; beside several effects as it was beside all but one of them."""
+        """Yield starts for a set with one more effect; for larger sets, from its fits in smaller sets."""
         if len(less) < _LOOKED:
             yield from (point for point in self._begun[less] if point.effects[-1].identifier == added)
             return
         point = self._tried[less].point
         for fewer in _each_without_one(less):
-            beside = self._tried.get(tuple(sorted((*fewer, added))))
-            for more in () if beside is None else beside.point.effects:
+            smaller = self._tried.get(tuple(sorted((*fewer, added))))
+            for more in () if smaller is None else smaller.point.effects:
                 if more.identifier == added:
                     yield replace(point, effects=(*point.effects, more))
 
     def _look(self, less: _Names) -> Iterator[Point]:
-        """Where each effect more begins: of a fair size, and at the places that promise most for what is left."""
+        """Yield starts for each further effect: of moderate size, and at the most promising places of a screening."""
         present = self._tried[less]
         point = present.point
         for baseline, more in self._problem.starts(point.baseline, point.effects):
             yield Point(baseline=baseline, effects=(*point.effects, more))
-        seen = screen(self._problem, self._noise.whitener, present, self._probes, seed=0, threshold=0.0)
+        screening = screen(self._problem, self._noise.whitener, present, self._probes, seed=0, threshold=0.0)
         taken: Counter[str] = Counter()
-        for one in sorted(seen.scored, key=lambda one: -one.gain):
+        for one in sorted(screening.scored, key=lambda one: -one.gain):
             taken[one.probe.identifier] += 1
             if taken[one.probe.identifier] <= _PLACES:
                 yield replace(point, effects=(*point.effects, one.probe.start(one.weights)))
@@ -188,7 +189,7 @@ class _Subsets:
         return fit(self._problem, self._noise.whitener, start, ~self._held, rounds=rounds)
 
     def _score(self, names: _Names) -> float:
-        """Minus twice the log likelihood of a set beside its disturbance, and what its effects pay."""
+        """Return minus twice the log likelihood of a set with its disturbance, plus the price of its effects."""
         if names not in self._scores:
             fitted = self._tried[names]
             pays = sum(price_of(self._problem, one) for one in fitted.point.effects)
@@ -197,15 +198,15 @@ class _Subsets:
 
     @cached_property
     def _nearest(self) -> _Names:
-        """The set that comes nearest of those of which everything is sure."""
+        """The set with the smallest residual among those in which every effect is confirmed."""
         return next(filter(self._is_sure, sorted(self._tried, key=lambda names: self._tried[names].squares)))
 
     @cached_property
     def _near(self) -> list[_Names]:
-        """The sets that miss no more than a nearest one and what a disturbance may make of it, the likeliest first.
+        """The sets that miss no more than a nearest set and its possible disturbance, the likeliest first.
 
-        A disturbance large enough to hide all that is missing would make anything as likely. How large it is, the
-        nearest of all and the nearest that is sure say; either may have followed most of it.
+        A disturbance large enough to hide everything missing would make all sets equally likely. Its size is estimated
+        from the nearest set and from the nearest confirmed set; either may have followed most of the disturbance.
         """
         nearest = min(self._tried.values(), key=lambda fitted: fitted.squares), self._tried[self._nearest]
         most = max(fitted.squares + most_followed(self._problem, fitted) for fitted in nearest)
@@ -214,7 +215,7 @@ class _Subsets:
         return sorted(near, key=self._score)
 
     def _to_state(self) -> _Names:
-        """Of the near sets of which every effect earns its price and is sure the likeliest; the nearest if none is."""
+        """Return the likeliest near set whose effects all earn their price and are confirmed; else `_nearest`."""
         for names in self._near:
             less = [some for some in self._near if set(some) < set(names)]
             if all(self._score(names) < self._score(some) for some in less) and self._is_sure(names):
@@ -222,7 +223,7 @@ class _Subsets:
         return self._nearest
 
     def _is_sure(self, names: _Names) -> bool:
-        """Whether every effect of a set is more than nothing."""
+        """Return whether every effect of a set is distinguishable from zero."""
         return not may_be_nothing(self._problem, with_disturbance(self._problem, self._tried[names]))
 
     def _evidence(self, names: _Names, fitted: Fit) -> Iterator[Evidence]:
@@ -233,7 +234,7 @@ class _Subsets:
                 yield self._of_name(names, effect)
 
     def _of_name(self, names: _Names, effect: DescribedEffect) -> Evidence:
-        """Against the best without the effect, and against sets that have another in its place."""
+        """Return the evidence for an effect: compared with the best set without it and with sets of its rivals."""
         fitted, name, score = self._tried[names], effect.identifier, self._score(names)
         rest = [other for other in names if other != name]
         smaller = [some for some in self._near if set(some) <= set(rest)]
@@ -256,18 +257,18 @@ class _Subsets:
         )
 
     def _nearest_of(self, rest: Collection[str]) -> _Names:
-        """Of a set's subsets the one that comes nearest."""
+        """Return the subset of `rest` with the smallest residual."""
         subsets = [names for names in self._tried if set(names) <= set(rest)]
         return min(subsets, key=lambda names: self._tried[names].squares)
 
 
 def _inside(fitted: Fit) -> bool:
-    """Whether no effect of a fit stands at a bound; only such sets are kept."""
+    """Return whether no effect of a fit is at a bound; only such sets are kept."""
     return not any(map(stuck, fitted.point.effects))
 
 
 def stuck(effect: DescribedEffect) -> bool:
-    """Whether an effect stands at a bound; a step that is as narrow as one can be told does not count."""
+    """Return whether an effect is at a bound; a step structure with the narrowest detectable width does not count."""
     return at_bound(effect) and not (isinstance(effect, Structure) and effect.is_sharp)
 
 

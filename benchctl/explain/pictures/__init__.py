@@ -1,1 +1,1 @@
-"""Pictures of the entries: effects drawn by the project's own physics, switched on and off; metrics by made data."""
+"""Pictures of the entries: effects simulated with and without the effect; metrics from synthetic data."""

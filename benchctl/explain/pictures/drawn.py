@@ -18,7 +18,7 @@ from benchctl.explain.glossary import Entry
 from benchctl.explain.pictures import made_noise, made_terms, made_tests
 from benchctl.explain.pictures.gyro_effects import gyro_sketch
 from benchctl.explain.pictures.part_effects import chamber_sketch, drive_sketch
-from benchctl.explain.pictures.sketch import Curve, Panel, Sketch
+from benchctl.explain.pictures.sketch import Panel, Sketch, SketchedCurve
 from benchctl.reports.figures import FAINT, GREY, INK, inline_svg, new_figure, style
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
@@ -32,19 +32,19 @@ _BANDS = {"good": "#009E73", "open": "#E69F00", "bad": "#D55E00"}
 _INCHES_A_PANEL = 1.75
 _MARGIN_IN = 0.55
 _CROWDED, _MANY = 300, 3000
-"""Points beyond which dots become small, and beyond which a curve is drawn as pixels."""
+"""Number of points above which dots become small, and above which a curve is rasterized."""
 _DPI = 170
 _LETTERS = 120
-"""Of the caption in a line."""
+"""Maximum number of characters in a line of the caption."""
 
 
 def picture(term: str) -> str:
-    """The picture of a term as SVG to be put into a page.
+    """Return the picture of a term as inline SVG.
 
     Raises
     ------
     UsageError
-        Where there is no such term, or it has no picture.
+        If there is no such term, or it has no picture.
     """
     sketch = _sketch(term)
     with style():
@@ -64,7 +64,7 @@ def write_picture(term: str, path: Path) -> str:
 
 
 def figure_of(sketch: Sketch) -> Figure:
-    """A sketch as a figure: its panels above each other, its caption below; to be called within `style()`."""
+    """Draw a sketch as a figure: panels above each other, caption below; to be called within `style()`."""
     height = _MARGIN_IN + _INCHES_A_PANEL * sum(panel.share for panel in sketch.panels)
     figure = new_figure(height)
     shared = len({panel.x for panel in sketch.panels}) == 1
@@ -118,7 +118,7 @@ def _mark(axes: Axes, x: float, y: float, label: str) -> None:
     axes.annotate(label, (x, y), xytext=(side, 2), textcoords="offset points", fontsize=7, color=INK, ha=towards)
 
 
-def _plot(axes: Axes, curve: Curve) -> None:
+def _plot(axes: Axes, curve: SketchedCurve) -> None:
     colour, dotted = curve.look.removesuffix(_DOTS), curve.look.endswith(_DOTS)
     axes.plot(
         curve.x,
@@ -160,11 +160,11 @@ MADE: Mapping[str, Callable[[], Sketch]] = {
         made_terms.warm_up_time,
     )
 }
-"""The pictures that are not of effects, by their names in `terms/*.toml`; those named `allan:N` are separate."""
+"""The pictures other than those of effects, by their names in `terms/*.toml`; `allan:N` and the like are separate."""
 
 
 def sketch_of(entry: Entry) -> Sketch:
-    """The sketch of an entry that has a drawing."""
+    """Return the sketch of an entry that has a picture."""
     kind, _, name = entry.drawing.partition(":")
     if kind == "effect":
         return effect_sketch(name)
@@ -172,7 +172,7 @@ def sketch_of(entry: Entry) -> Sketch:
 
 
 def effect_sketch(identifier: str) -> Sketch:
-    """The sketch of an effect of any part of the bench."""
+    """Return the sketch of an effect of any part of the bench."""
     if identifier in effects():
         return gyro_sketch(effects()[identifier])
     if identifier in drive_effects():

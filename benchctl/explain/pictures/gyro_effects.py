@@ -1,4 +1,4 @@
-"""An effect of the gyro's chain, switched on against off, in a motion that brings it out."""
+"""Draw an effect of the gyro, with and without it, in a motion that excites it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from benchctl.explain.glossary import extra
 from benchctl.explain.pictures.gyro_scenes import BY_COORDINATE, BY_NAME, CIRCUMSTANCES, T0_C, Make, Scene, long_rest
 from benchctl.explain.pictures.gyro_scenes import noisy_rest as noisy_rest_scene
 from benchctl.explain.pictures.sketch import (
-    Curve,
     Look,
     Panel,
     Sketch,
+    SketchedCurve,
     Values,
     described_values,
     stated_values,
@@ -41,22 +41,22 @@ GYRO = ResponseParameters(
     noise_v_rms=NOISE_V,
     output_limit_v=11.0,
 )
-"""What is drawn without any effect: a straight line in the rate, a scale factor that depends on temperature."""
+"""The gyro without any effect: linear in the rate, with a temperature-dependent scale factor."""
 
 _SEEN = 0.03
-"""Of the output: what an effect of no known size is drawn to change."""
+"""Share of the output that an effect without a known size is drawn to change."""
 _FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 _PLAIN, _EXAGGERATED = 0.08, 0.25
-"""An effect that changes less than the first share of the output is drawn larger, up to the second."""
+"""An effect that changes a smaller share of the output than the first is enlarged, up to the second."""
 _MANY_CROSSINGS, _SHOWN_CROSSINGS = 60, 12
 _LOUD = 0.01
-"""Of what an effect changes at most: less has no sign, it is rounding."""
+"""Changes below this share of the largest change are rounding errors; their sign is ignored."""
 _NARROW = 6.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Run:
-    """What the bench shows of a scene: `y` over the scene's x."""
+    """The simulated signals of a scene: `y` over the scene's x."""
 
     scene: Scene
     off: Signals
@@ -77,7 +77,7 @@ class _Run:
 
 
 def gyro_sketch(kind: type[PhysicalEffect]) -> Sketch:
-    """The picture of an effect: what it changes in the output, or in what the encoder states."""
+    """Return the sketch of an effect: the change of the output, or of the encoder's reading."""
     make = _scene_of(kind)
     known = stated_values(kind.identifier) or middle_size(kind.identifier)
     values = whole_values(kind, known)
@@ -118,7 +118,7 @@ def _run(kind: type[PhysicalEffect], values: Values, make: Make, top_dps: float)
 
 
 def _played(scene: Scene, effect: PhysicalEffect | None) -> Signals:
-    """The scene through the chain, and what is sampled of it."""
+    """Return the scene's signals after the chain and the sampling."""
     effects = () if effect is None else (effect,)
     signals = run_chain(scene.signals, response_baseline(GYRO), effects, GRID_STAGES)
     volts = signals.output_v
@@ -130,14 +130,14 @@ def _played(scene: Scene, effect: PhysicalEffect | None) -> Signals:
 
 
 def _at(when_s: FloatArray, time_s: FloatArray, volts: FloatArray) -> FloatArray:
-    """Volts at other instants, straight between samples and on beyond the ends."""
+    """Return the output at other times, by linear interpolation, and by extrapolation beyond the ends."""
     inside = np.clip(when_s, time_s[0], time_s[-1])
     slope = np.gradient(volts, time_s)
     return np.interp(inside, time_s, volts) + (when_s - inside) * np.interp(inside, time_s, slope)
 
 
 def _share(run: _Run) -> float:
-    """What an effect changes, as a share of what there is."""
+    """Return the largest change due to an effect, relative to the range of the output."""
     return float(np.max(np.abs(run.difference))) / _height(run.y_off)
 
 
@@ -146,7 +146,7 @@ def _height(y: FloatArray) -> float:
 
 
 def _zoomed(run: _Run) -> float | None:
-    """A smaller top rate, for effects that act at small rates only, or repeat too often to be visible."""
+    """Return a smaller top rate for effects that act at small rates only, or repeat too often; else None."""
     scene, changed = run.scene, np.abs(run.difference)
     if scene.x_label != "rate (°/s)" or scene.noisy:
         return None
@@ -164,7 +164,7 @@ def _zoomed(run: _Run) -> float | None:
 
 
 def _panels(run: _Run) -> tuple[list[Panel], str]:
-    """The panels, and what the caption must say of them."""
+    """Return the panels, and the notes for the caption."""
     scene = run.scene
     factor = _factor(run)
     stimulus = [] if scene.stimulus is None else [_with_coil(scene.stimulus, run)]
@@ -188,7 +188,7 @@ def _difference_panels(run: _Run) -> Iterator[Panel]:
     if run.by_encoder:
         unit, factor = ("°/s", 1.0) if np.max(np.abs(changed)) > 0.1 else ("0.001 °/s", 1e3)
         arcsec = 3600.0 * (run.on.encoder_deg - run.off.encoder_deg)
-        error = Curve(x=x, y=arcsec, look="third")
+        error = SketchedCurve(x=x, y=arcsec, look="third")
         yield Panel(x=run.scene.x_label, y="error of angle (″)", curves=(error,), zero=True, share=0.8)
     else:
         unit, factor = ("V", 1.0) if np.max(np.abs(changed)) > 1.0 else ("mV", 1e3)
@@ -201,18 +201,18 @@ def _difference_panels(run: _Run) -> Iterator[Panel]:
     )
 
 
-def _parts(scene: Scene, y: FloatArray, look: Look, label: str) -> Iterator[Curve]:
+def _parts(scene: Scene, y: FloatArray, look: Look, label: str) -> Iterator[SketchedCurve]:
     """Yield a curve, or one for each named part of the scene."""
     looks: tuple[Look, ...] = ("on", "third", "grey") if look == "on" else (look,) * len(scene.parts)
     for place, ((name, part), own) in enumerate(zip(scene.parts, looks, strict=False)):
         text = f"{label}, {name}" if look == "on" else "" if place else label
-        yield Curve(x=scene.x[part], y=y[part], look=own, label=text if label else "")
+        yield SketchedCurve(x=scene.x[part], y=y[part], look=own, label=text if label else "")
     if not scene.parts:
-        yield Curve(x=scene.x, y=y, look=look, label=label)
+        yield SketchedCurve(x=scene.x, y=y, look=look, label=label)
 
 
 def _factor(run: _Run) -> int:
-    """Factor by which the effect is enlarged when drawn together with the output."""
+    """Return the factor by which the effect is enlarged when drawn together with the output."""
     share = _share(run)
     if not run.scene.memoryless or share >= _PLAIN or share == 0.0:
         return 1
@@ -220,10 +220,12 @@ def _factor(run: _Run) -> int:
 
 
 def _with_coil(panel: Panel, run: _Run) -> Panel:
-    """Beside the thermistor the coil, where that is at another temperature."""
+    """Add the temperature of the coil to the panel if the effect changes it."""
     if np.array_equal(run.on.coil_c, run.off.coil_c):
         return panel
-    return replace(panel, curves=(*panel.curves, Curve(x=run.scene.x, y=run.on.coil_c, look="on", label="coil")))
+    return replace(
+        panel, curves=(*panel.curves, SketchedCurve(x=run.scene.x, y=run.on.coil_c, look="on", label="coil"))
+    )
 
 
 def _encoder_rate(signals: Signals) -> FloatArray:
@@ -238,13 +240,13 @@ _LOOKS: Mapping[tuple[str, bool], Look] = {
     ("on", False): "on",
     ("off", False): "grey",
 }
-"""By whether the effect is on, and whether samples are drawn as dots."""
+"""The key: whether the effect is on, and whether samples are drawn as dots."""
 
 
 def panels(
     scene: Scene, off: Signals, on: Signals, gyro: ResponseParameters, *, seen_in_rate: float
 ) -> Iterator[Panel]:
-    """Samples of the output less what the motion makes of it; `seen_in_rate` are the volts of one °/s."""
+    """Yield the panels of the output less its noise-free value; `seen_in_rate` is the scale factor in V/(°/s)."""
     straight = gyro.U0_v + gyro.K0_v_per_dps * scene.signals.rate_dps
     noises = [("off", "without the effect", off.output_v - straight), ("on", "with it", on.output_v - straight)]
     dotted = scene.x_label == "rate (°/s)"
@@ -254,7 +256,9 @@ def panels(
         x=scene.x_label,
         y="means of 10 s (mV)" if scene.allan else "noise (mV)",
         curves=tuple(
-            Curve(x=_shown(scene, scene.x), y=1e3 * _shown(scene, volts), look=_LOOKS[look, dotted], label=label)
+            SketchedCurve(
+                x=_shown(scene, scene.x), y=1e3 * _shown(scene, volts), look=_LOOKS[look, dotted], label=label
+            )
             for look, label, volts in louder
         ),
         share=1.3,
@@ -268,7 +272,7 @@ def panels(
 
 
 def _shown(scene: Scene, values: FloatArray) -> FloatArray:
-    """What of the samples is drawn: means where they are many, an excerpt where they are quick."""
+    """Return the samples to draw: means for an Allan deviation, an excerpt for a spectrum, else all."""
     if scene.allan:
         long = round(_MEAN_S / scene.signals.interval_s)
         means: FloatArray = values[: values.size // long * long].reshape(-1, long).mean(axis=1)
@@ -283,7 +287,7 @@ def _allan(scene: Scene, noises: list[tuple[str, str, FloatArray]], v_per_dps: f
     tau_s = np.asarray(factors * interval_s, dtype=np.float64)
     for look, label, volts in noises:
         deviations = _DEG_PER_H / v_per_dps * deviation(volts, factors, interval_s)
-        curves.append(Curve(x=tau_s, y=deviations, look="on" if look == "on" else "off", label=label))
+        curves.append(SketchedCurve(x=tau_s, y=deviations, look="on" if look == "on" else "off", label=label))
     return Panel(x="averaging time τ (s)", y="Allan deviation (°/h)", curves=tuple(curves), logarithmic="xy", share=1.3)
 
 
@@ -292,17 +296,17 @@ def _spectrum(scene: Scene, noises: list[tuple[str, str, FloatArray]]) -> Panel:
     curves = []
     for look, label, volts in reversed(noises):
         amplitude = 2.0 * np.abs(np.fft.rfft(volts - volts.mean()))[1:] / volts.size
-        curves.append(Curve(x=frequency, y=1e3 * amplitude, look="on" if look == "on" else "grey", label=label))
+        curves.append(SketchedCurve(x=frequency, y=1e3 * amplitude, look="on" if look == "on" else "grey", label=label))
     return Panel(x="frequency (Hz)", y="amplitude (mV)", curves=tuple(curves), logarithmic="xy", share=1.2)
 
 
 def _scatter(scene: Scene, noises: list[tuple[str, str, FloatArray]]) -> Panel:
-    """The standard deviation in slices of the rate."""
+    """Return a panel with the standard deviation in bins of the rate."""
     edges = np.linspace(float(scene.x.min()), float(scene.x.max()), 31)
     place = np.clip(np.digitize(scene.x, edges) - 1, 0, edges.size - 2)
     curves = []
     for look, label, volts in noises:
         spread = np.array([1e3 * np.std(volts[place == k]) for k in range(edges.size - 1)])
         middle = 0.5 * (edges[1:] + edges[:-1])
-        curves.append(Curve(x=middle, y=spread, look="on" if look == "on" else "off", label=label))
+        curves.append(SketchedCurve(x=middle, y=spread, look="on" if look == "on" else "off", label=label))
     return Panel(x=scene.x_label, y="its deviation (mV)", curves=tuple(curves), share=0.9)

@@ -1,4 +1,4 @@
-"""Motions and temperatures that show the effects of the gyro, as signals of the project's own chain."""
+"""Motions and temperatures that excite the effects of the gyro, as signals of the simulated chain."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchctl.explain.pictures.sketch import Curve, Panel
+from benchctl.explain.pictures.sketch import Panel, SketchedCurve
 from benchctl.explain.sizes import RANGE_DPS
 from benchctl.reports import text
 from benchctl_instruments.arrays import FloatArray
@@ -20,17 +20,17 @@ T0_C = 20.0
 _TURNING_DPS = 100.0
 _HOUR_S = 3600.0
 _SWING_SCANS = 2000
-"""Of the swing: what its faults of the data are counted in."""
+"""Number of scans in `swing`, the span for the positions of data faults."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """A motion. `x` is what its picture is drawn over, `description` the motion in words; `stimulus` is drawn above.
+    """A motion. `x` is the abscissa of its picture, `description` the motion in words; `stimulus` is drawn above.
 
-    `parts` of it have names, to distinguish them: heating, cooling.
+    `parts` are named sections, such as heating and cooling.
 
-    `noisy`: with the noise of samples, on and off alike. `memoryless`: the output follows x, so that what an effect
-    changes may be drawn larger than it is. `spectrum`: its picture ends with one.
+    `noisy`: with the noise of samples, both with and without the effect. `memoryless`: the output depends only on x, so
+    that the effect may be enlarged in the drawing. `spectrum`: the picture includes a spectrum.
     """
 
     signals: Signals
@@ -46,11 +46,11 @@ class Scene:
 
 
 Make = Callable[[PhysicalEffect, float], Scene]
-"""A scene for an effect; the number is the top of its rates [°/s], for scenes that sweep them."""
+"""A function that returns a scene for an effect; the number is the top rate [°/s] of scenes that sweep the rate."""
 
 
 def sweep(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """Every rate once, without an acceleration."""
+    """Return a sweep over all rates without acceleration."""
     near = np.geomspace(1e-4 * top_dps, top_dps, 600)
     rate = np.unique(np.concatenate([np.linspace(-top_dps, top_dps, 8001), near, -near]))
     signals = _signals(np.linspace(0.0, 600.0, rate.size), rate)
@@ -58,7 +58,7 @@ def sweep(effect: PhysicalEffect, top_dps: float) -> Scene:
 
 
 def noisy_sweep(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """The same, with the noise of samples."""
+    """Return a sweep over all rates with the noise of samples."""
     rate = np.linspace(-top_dps, top_dps, 6000)
     return Scene(
         signals=_signals(_every(0.01, rate.size), rate),
@@ -70,7 +70,7 @@ def noisy_sweep(effect: PhysicalEffect, top_dps: float) -> Scene:
 
 
 def reversals(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """Two quick reversals."""
+    """Return two quick reversals."""
     interval_s = 1e-3
     time_s = _every(interval_s, 2600)
     acceleration = np.zeros_like(time_s)
@@ -81,13 +81,13 @@ def reversals(effect: PhysicalEffect, top_dps: float) -> Scene:
 
 
 def slow_sine(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """A sine of a period of two minutes, for an hour."""
+    """Return a sine with a period of two minutes, for an hour."""
     signals = _sine(_every(0.5, 7200), 1.0 / 120.0)
     return _timed(signals, "min", "A sine of ±100 °/s and two minutes, for an hour", memoryless=False)
 
 
 def turns(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """Two turns, or four of an encoder's waves."""
+    """Return two turns, or four waves of an encoder effect."""
     waves = effect.waves_a_turn if isinstance(effect, EncoderEffect) else 1.0
     span_deg = 720.0 if waves <= 2.0 else 4.0 * 360.0 / waves
     angle = np.linspace(0.0, span_deg, 2001)
@@ -97,14 +97,14 @@ def turns(effect: PhysicalEffect, top_dps: float) -> Scene:
 
 
 def temperatures(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """At rest, every temperature, each for long."""
+    """Return rest at all temperatures, each for a long time."""
     celsius = np.linspace(-40.0, 60.0, 1001)
     signals = _signals(np.linspace(0.0, 100.0 * _HOUR_S, celsius.size), np.zeros_like(celsius), celsius=celsius)
     return Scene(signals=signals, x=celsius, x_label="temperature of the gyro (°C)", description="At rest")
 
 
 def temperature_cycle(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """Turning, from cold to hot and back again."""
+    """Return a constant rate, from cold to hot and back."""
     celsius = np.interp(np.arange(2001.0), [0.0, 1000.0, 2000.0], [-40.0, 60.0, -40.0])
     time_s = np.linspace(0.0, 200.0 * _HOUR_S, celsius.size)
     return Scene(
@@ -117,7 +117,7 @@ def temperature_cycle(effect: PhysicalEffect, top_dps: float) -> Scene:
 
 
 def sweeps_at_temperatures(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """Every rate, in the cold, at T0 and in the heat."""
+    """Return all rates, at a low temperature, at T0 and at a high temperature."""
     once = np.linspace(-top_dps, top_dps, 401)
     celsius = (-40.0, T0_C, 60.0)
     rate = np.tile(once, len(celsius))
@@ -133,7 +133,7 @@ def sweeps_at_temperatures(effect: PhysicalEffect, top_dps: float) -> Scene:
 
 
 def ramps(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """Turning while the chamber heats and cools, with rests of temperature between."""
+    """Return a constant rate while the chamber heats and cools, with constant temperature in between."""
     time_s = _every(2.0, 6300)
     hours = time_s / _HOUR_S
     celsius = np.interp(hours, [0.0, 0.25, 0.75, 1.75, 2.25, 3.5], [20.0, 20.0, 50.0, 50.0, 20.0, 20.0])
@@ -146,38 +146,38 @@ def ramps(effect: PhysicalEffect, top_dps: float) -> Scene:
 
 
 def long_turning(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """A constant rate for two hours."""
+    """Return a constant rate for two hours."""
     time_s = _every(2.0, 3600)
     return _timed(_signals(time_s, np.full_like(time_s, _TURNING_DPS)), "min", "Turning at 100 °/s for two hours")
 
 
 def long_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """Rest for two hours."""
+    """Return rest for two hours."""
     return _timed(_rest(2.0, 3600), "min", "Two hours at rest")
 
 
 def noisy_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """The same with the noise of samples, two a second."""
+    """Return rest for two hours with the noise of samples, two per second."""
     return _timed(_rest(0.5, 14400), "min", "Two hours at rest, two samples a second", noisy=True, allan=True)
 
 
 def short_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """Every sample of twenty seconds at rest."""
+    """Return twenty seconds at rest with all samples."""
     return _timed(_rest(0.01, _SWING_SCANS), "s", "At rest, a hundred samples a second", noisy=True)
 
 
 def tone(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """Rest, sampled fast enough for the mains."""
+    """Return rest, sampled fast enough for the mains frequency."""
     return _timed(_rest(1e-3, 4000), "s", "At rest, a thousand samples a second", noisy=True, spectrum=True)
 
 
 def swing(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """A slow sine, every sample of it."""
+    """Return a slow sine with all samples."""
     return _timed(_sine(_every(0.01, _SWING_SCANS), 0.2), "s", "A sine of ±100 °/s and 0.2 Hz", memoryless=False)
 
 
 def supply(effect: PhysicalEffect, top_dps: float) -> Scene:
-    """Turning while the supply is stepped."""
+    """Return a constant rate while the supply voltage is stepped."""
     time_s = _every(2.0, 1800)
     minutes = time_s / 60.0
     volts = 12.0 + np.interp(minutes, [0, 15, 15.01, 30, 30.01, 45, 60], [0, 0, 0.5, 0.5, -0.5, -0.5, 0.5])
@@ -214,20 +214,20 @@ BY_NAME: Mapping[str, Make] = {
     "sweeps_at_temperatures": sweeps_at_temperatures,
     "swing": swing,
 }
-"""Scenes that the glossary asks for."""
+"""Scenes that the glossary requests by name."""
 
 CIRCUMSTANCES: Mapping[str, float] = {"T0_c": T0_C, "range_dps": RANGE_DPS, "span_scans": float(_SWING_SCANS)}
-"""Of every effect that has them."""
+"""Circumstances for all effects that require them."""
 
 
 def _timed(signals: Signals, unit: Literal["s", "min", "h"], description: str, **more: Any) -> Scene:
-    """A motion drawn over its time."""
+    """Return a scene drawn over time."""
     seconds = {"s": 1.0, "min": 60.0, "h": _HOUR_S}[unit]
     return Scene(signals=signals, x=signals.time_s / seconds, x_label=f"time ({unit})", description=description, **more)
 
 
 def _stimulus(x_label: str, y_label: str, x: FloatArray, y: FloatArray, *, share: float, label: str = "") -> Panel:
-    return Panel(x=x_label, y=y_label, curves=(Curve(x=x, y=y, look="grey", label=label),), share=share)
+    return Panel(x=x_label, y=y_label, curves=(SketchedCurve(x=x, y=y, look="grey", label=label),), share=share)
 
 
 def _sine(time_s: FloatArray, frequency_hz: float) -> Signals:

@@ -1,36 +1,36 @@
-"""Pictures of noise, of Allan deviations and of what is left of a bias, from series that are drawn here."""
+"""Pictures of noise, Allan deviations and bias residuals, from simulated series."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from benchctl.explain.pictures.sketch import Band, Curve, Look, Panel, Sketch, one_panel
+from benchctl.explain.pictures.sketch import Band, Look, Panel, Sketch, SketchedCurve, one_panel
 from benchctl.metrology.allan import NAMES, TERMS, Term, unit_of, variances
 from benchctl.reports.acceptance.catalogue import catalogue
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.gyro import earth_rate_dps
 
 _SIZES = (1e-4, 1.2e-4, 2.5e-5, 1.2e-6, 6e-9)
-"""Q, N, B, K and R in deg/s and seconds: a gyro of the VG910 class, quantised and drifting."""
+"""Q, N, B, K and R in deg/s and seconds: a gyro of the VG910 class, with quantisation and drift."""
 _SLOPES = {"Q": "−1", "N": "−1/2", "B": "0", "K": "+1/2", "R": "+1"}
 _READ_AT_S = {"Q": 3.0**0.5, "N": 1.0, "K": 3.0, "R": 2.0**0.5}
 _NAMED_AT_S = {"Q": 0.05, "N": 4.0, "B": 0.05, "K": 1e4, "R": 2e3}
 _LOWEST_DPH = 5e-3
-"""Less is not drawn: there the other terms rule by far."""
+"""Smaller deviations are not drawn, because other terms dominate there."""
 _DEG_PER_H = 3600.0
 
 
 def allan(shown: str) -> Sketch:
-    """The deviation that five noises make together, and each by itself; `shown` is the one that stands out."""
+    """Plot the Allan deviation of five noises together and of each separately; `shown` is highlighted."""
     tau_s = np.geomspace(0.02, 3e4, 300)
     parts = variances(tau_s, 1e-3) * np.array(_SIZES) ** 2
-    curves = [Curve(x=tau_s, y=_DEG_PER_H * np.sqrt(parts.sum(axis=1)), look="off", label="all five together")]
+    curves = [SketchedCurve(x=tau_s, y=_DEG_PER_H * np.sqrt(parts.sum(axis=1)), look="off", label="all five together")]
     marks = []
     for place, term in enumerate(TERMS):
         look: Look = "on" if term == shown else "third" if not shown else "faint"
         alone = _DEG_PER_H * np.sqrt(parts[:, place])
         label = f"{term}, {NAMES[term]}: slope {_SLOPES[term]}" if term == shown else ""
-        curves.append(Curve(x=tau_s, y=np.where(alone > _LOWEST_DPH, alone, np.nan), look=look, label=label))
+        curves.append(SketchedCurve(x=tau_s, y=np.where(alone > _LOWEST_DPH, alone, np.nan), look=look, label=label))
         place_s = _NAMED_AT_S[term]
         marks.append((place_s, float(np.interp(place_s, tau_s, alone)), term))
     return one_panel(
@@ -56,7 +56,7 @@ def _allan_caption(shown: str) -> str:
 
 
 def bias() -> Sketch:
-    """The output at rest: what of it is the Earth."""
+    """Plot the output at rest, and the part that is due to the Earth's rate."""
     minutes = np.linspace(0.0, 60.0, 361)
     wander = np.cumsum(np.random.default_rng(3).standard_normal(minutes.size)) * 0.25
     earth = _DEG_PER_H * earth_rate_dps(58.5)
@@ -64,8 +64,8 @@ def bias() -> Sketch:
     return one_panel(
         "Bias",
         "An hour at rest, in means of 10 s: Earth's rate at 58.5° N is taken off, what is left is the bias.",
-        Curve(x=minutes, y=rest, look="grey", label="means of 10 s"),
-        Curve(x=minutes, y=np.full(minutes.size, 40.0), look="on", label="their mean"),
+        SketchedCurve(x=minutes, y=rest, look="grey", label="means of 10 s"),
+        SketchedCurve(x=minutes, y=np.full(minutes.size, 40.0), look="on", label="their mean"),
         x="time (min)",
         y="output over K (°/h)",
         bands=(
@@ -76,7 +76,7 @@ def bias() -> Sketch:
 
 
 def bias_stability() -> Sketch:
-    """Samples, means of 10 s, and their deviation."""
+    """Plot samples, means of 10 s, and their standard deviation."""
     rng = np.random.default_rng(11)
     time_s = np.linspace(0.0, 1200.0, 12000, endpoint=False)
     samples = 8.0 * rng.standard_normal(time_s.size) + 0.08 * np.cumsum(rng.standard_normal(time_s.size))
@@ -86,8 +86,8 @@ def bias_stability() -> Sketch:
     return one_panel(
         "Bias stability",
         f"Means over 10 s scatter by {spread:.2g} °/h (1σ): that is not the minimum of the Allan deviation.",
-        Curve(x=time_s / 60.0, y=samples, look="faint", label="samples"),
-        Curve(x=middle_s / 60.0, y=means, look="on dots", label="means of 10 s"),
+        SketchedCurve(x=time_s / 60.0, y=samples, look="faint", label="samples"),
+        SketchedCurve(x=middle_s / 60.0, y=means, look="on dots", label="means of 10 s"),
         x="time (min)",
         y="output at rest (°/h)",
         bands=(Band(low=centre - spread, high=centre + spread, label="± 1σ", look="good", across=True),),
@@ -95,15 +95,15 @@ def bias_stability() -> Sketch:
 
 
 def whitening() -> Sketch:
-    """A wandering residual before and after the filter, and how each is correlated with itself."""
+    """Plot a drifting residual before and after the whitening filter, with autocorrelations."""
     rng = np.random.default_rng(5)
     white = rng.standard_normal(800)
     wandering = white + 0.35 * np.cumsum(rng.standard_normal(800))
-    # what the last sample and the mean so far foretell is taken off: an exponential mean of the past
-    foretold = np.zeros_like(wandering)
+    # subtract the prediction from past samples: their exponentially weighted mean
+    predicted = np.zeros_like(wandering)
     for k in range(1, wandering.size):
-        foretold[k] = foretold[k - 1] + 0.3 * (wandering[k - 1] - foretold[k - 1])
-    whitened = wandering - foretold
+        predicted[k] = predicted[k - 1] + 0.3 * (wandering[k - 1] - predicted[k - 1])
+    whitened = wandering - predicted
     number = np.linspace(0.0, 799.0, 800)
     lags = np.linspace(0.0, 59.0, 60)
     return Sketch(
@@ -114,8 +114,8 @@ def whitening() -> Sketch:
                 x="sample (number)",
                 y="residual (1)",
                 curves=(
-                    Curve(x=number, y=wandering, look="grey", label="as it is"),
-                    Curve(x=number, y=whitened, look="on", label="whitened"),
+                    SketchedCurve(x=number, y=wandering, look="grey", label="as it is"),
+                    SketchedCurve(x=number, y=whitened, look="on", label="whitened"),
                 ),
                 zero=True,
             ),
@@ -123,8 +123,8 @@ def whitening() -> Sketch:
                 x="lag (samples)",
                 y="correlation (1)",
                 curves=(
-                    Curve(x=lags, y=_correlation(wandering, lags), look="grey", label="as it is"),
-                    Curve(x=lags, y=_correlation(whitened, lags), look="on", label="whitened"),
+                    SketchedCurve(x=lags, y=_correlation(wandering, lags), look="grey", label="as it is"),
+                    SketchedCurve(x=lags, y=_correlation(whitened, lags), look="on", label="whitened"),
                 ),
                 zero=True,
                 share=0.9,

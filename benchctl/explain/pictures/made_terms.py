@@ -7,24 +7,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl.explain.pictures.sketch import Band, Curve, Look, Panel, Sketch, one_panel
+from benchctl.explain.pictures.sketch import Band, Look, Panel, Sketch, SketchedCurve, one_panel
 from benchctl.metrology.verdict import rule_of
 from benchctl_instruments.physics.chamber import ChamberParameters, advance, settled, switched
 
 _S, _PAPERS_S = 0.0045, 0.00448
-"""Sagnac phases [rad/(°/s)]: of the gyro in these pictures, and what the paper's polynomial implies."""
+"""Sagnac phases [rad/(°/s)]: of the gyro in these pictures, and the value implied by the paper's polynomial."""
 
 
 def convention() -> Sketch:
-    """K as a response and as a correction, of one gyro."""
+    """Plot K as a response and as a correction, of one gyro."""
     true = np.linspace(1.0, 170.0, 200)
     indicated = np.sin(_S * true) / _S
     return one_panel(
         "Convention: response or correction",
         "One gyro, S = 0.0045 rad/(°/s). A response says what comes out, a correction what to multiply it by.",
-        Curve(x=true, y=indicated / true, look="on", label="response: (U − U0)/K0 = k·ω"),
-        Curve(x=indicated, y=true / indicated, look="third", label="correction: ω = k·(U − U0)/K0"),
-        Curve(x=true, y=np.ones(true.size), look="off"),
+        SketchedCurve(x=true, y=indicated / true, look="on", label="response: (U − U0)/K0 = k·ω"),
+        SketchedCurve(x=indicated, y=true / indicated, look="third", label="correction: ω = k·(U − U0)/K0"),
+        SketchedCurve(x=true, y=np.ones(true.size), look="off"),
         x="rate, true or indicated (°/s)",
         y="k(ω) (1)",
         share=1.6,
@@ -32,7 +32,7 @@ def convention() -> Sketch:
 
 
 def argument() -> Sketch:
-    """A correction taken at the right rate and at the wrong one."""
+    """Plot the error of a correction evaluated at the right rate and at the wrong one."""
     true = np.linspace(1.0, 175.0, 200)
     indicated = np.sin(_PAPERS_S * true) / _PAPERS_S
 
@@ -43,8 +43,8 @@ def argument() -> Sketch:
         "Argument: indicated or true rate",
         "The paper's k(ω) = 1 + 3.02e-6·ω² + 5.89e-11·ω⁴ on a gyro of S = 0.00448 rad/(°/s): right where ω is the"
         " indicated rate, too large where it is the true one.",
-        Curve(x=true, y=left(indicated), look="third", label="taken at the indicated rate"),
-        Curve(x=true, y=left(true), look="on", label="taken at the true rate"),
+        SketchedCurve(x=true, y=left(indicated), look="third", label="taken at the indicated rate"),
+        SketchedCurve(x=true, y=left(true), look="on", label="taken at the true rate"),
         x="true rate (°/s)",
         y="error that is left (%)",
         zero=True,
@@ -53,7 +53,7 @@ def argument() -> Sketch:
 
 
 def error_path() -> Sketch:
-    """What one line, stage 1 and the exact law leave of a sine run."""
+    """Plot the residuals of a sine run for one line, stage 1 and the exact law."""
     rate = 165.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, 400))
     indicated = np.sin(_S * rate) / _S
     stage_1 = indicated * (1.0 + _S**2 / 6.0 * indicated**2)
@@ -69,7 +69,7 @@ def error_path() -> Sketch:
     return one_panel(
         "error_percent along a calibration",
         f"A sine of ±165 °/s without noise; error_percent: {', '.join(worst)}.",
-        *(Curve(x=phase_deg, y=left[label], look=look, label=label) for look, label, _ in levels),
+        *(SketchedCurve(x=phase_deg, y=left[label], look=look, label=label) for look, label, _ in levels),
         x="phase of the motion (°)",
         y="residual rate (% of the peak)",
         zero=True,
@@ -78,14 +78,14 @@ def error_path() -> Sketch:
 
 
 def coverage() -> Sketch:
-    """A bell curve with its u and U."""
+    """Plot a normal density with its u and U."""
     z = np.linspace(-4.0, 4.0, 400)
     density = np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi)
     inside = 100.0 * math.erf(2.0 / math.sqrt(2.0))
     return one_panel(
         "Standard and expanded uncertainty",
         f"A value with a bell curve: ± u holds the true one with 68 %, ± U (k = 2) with {inside:.1f} %.",
-        Curve(x=z, y=density, look="on"),
+        SketchedCurve(x=z, y=density, look="on"),
         x="distance from the value, in standard uncertainties (u)",
         y="density (1/u)",
         bands=(
@@ -96,7 +96,7 @@ def coverage() -> Sketch:
 
 
 def guard_band() -> Sketch:
-    """The chance of each verdict over the true value, at a limit."""
+    """Plot the probability of each verdict over the true value, at a limit."""
     true = np.linspace(-3.0, 3.0, 400)
     rule = rule_of(1.0)
     passes, fails = _below(-1.0, true), 1.0 - _below(1.0, true)
@@ -104,9 +104,9 @@ def guard_band() -> Sketch:
         "Guard band",
         "An upper limit at 0, values in units of U (k = 2), guard = 1: exactly at the limit a unit passes"
         f" in {float(rule.says.values['risk_percent']):.1f} % of all tries, and fails in as many.",
-        Curve(x=true, y=100.0 * passes, look="third", label="PASS"),
-        Curve(x=true, y=100.0 * (1.0 - passes - fails), look="grey", label="INCONCLUSIVE"),
-        Curve(x=true, y=100.0 * fails, look="on", label="FAIL"),
+        SketchedCurve(x=true, y=100.0 * passes, look="third", label="PASS"),
+        SketchedCurve(x=true, y=100.0 * (1.0 - passes - fails), look="grey", label="INCONCLUSIVE"),
+        SketchedCurve(x=true, y=100.0 * fails, look="on", label="FAIL"),
         x="true value less the limit (U)",
         y="share of tries (%)",
         bands=(
@@ -119,20 +119,20 @@ def guard_band() -> Sketch:
 
 
 def e_n() -> Sketch:
-    """Two results that agree, and two that do not."""
+    """Plot two results that agree, and two that do not."""
     number = np.array([1.0, 2.0, 4.0, 5.0])
     value = np.array([10.0, 10.8, 10.0, 11.8])
     half = np.array([0.8, 0.6, 0.8, 0.6])
     scores = [(value[k + 1] - value[k]) / math.hypot(half[k], half[k + 1]) for k in (0, 2)]
     bars = [
-        Curve(x=np.array([x, x]), y=np.array([y - u, y + u]), look="grey")
+        SketchedCurve(x=np.array([x, x]), y=np.array([y - u, y + u]), look="grey")
         for x, y, u in zip(number, value, half, strict=True)
     ]
     return one_panel(
         "E_n",
         "Two pairs of results with their U: up to 1 they agree to within what both state.",
         *bars,
-        Curve(x=number, y=value, look="on dots"),
+        SketchedCurve(x=number, y=value, look="on dots"),
         x="result (number)",
         y="value ± U (°/h)",
         marks=((1.1, 11.6, f"E_n = {scores[0]:.2f}"), (4.9, 11.6, f"E_n = {scores[1]:.2f}")),
@@ -140,8 +140,8 @@ def e_n() -> Sketch:
 
 
 def control_chart() -> Sketch:
-    """A unit's figure over campaigns, with limits, and one beyond."""
-    from benchctl.history.flags import control_of  # history sorts above; only its arithmetic is drawn
+    """Plot a unit's figure over campaigns with control limits, one value beyond them."""
+    from benchctl.history.flags import control_of  # history sorts above; only its arithmetic is used
 
     rng = np.random.default_rng(2)
     values = 50.0 + 0.004 * rng.standard_normal(14)
@@ -152,9 +152,9 @@ def control_chart() -> Sketch:
     return one_panel(
         "Control limits",
         "K0 of one unit, campaign by campaign: the last one lies beyond what this unit has always been.",
-        Curve(x=number, y=values, look="grey"),
-        Curve(x=number, y=values, look="third dots", label="K0"),
-        Curve(x=number[-1:], y=values[-1:], look="on dots", label="outside the control limits"),
+        SketchedCurve(x=number, y=values, look="grey"),
+        SketchedCurve(x=number, y=values, look="third dots", label="K0"),
+        SketchedCurve(x=number[-1:], y=values[-1:], look="on dots", label="outside the control limits"),
         x="campaign (number)",
         y="K0 (mV/(°/s))",
         bands=(Band(low=low, high=high, label="control limits", look="good", across=True),),
@@ -162,7 +162,7 @@ def control_chart() -> Sketch:
 
 
 def soak() -> Sketch:
-    """Set point, air, housing and coil over a step of the chamber."""
+    """Plot set point, air, housing and coil after a step of the chamber."""
     parameters = ChamberParameters()
     state = replace(switched(settled(parameters, 20.0), True), setpoint_c=50.0)
     minutes = np.linspace(0.0, 120.0, 121)
@@ -177,10 +177,10 @@ def soak() -> Sketch:
     return one_panel(
         "Set point and soak",
         f"Air within 0.3 °C after {arrived:.0f} min; gyro slower than 0.02 °C/min after {still:.0f} min.",
-        Curve(x=minutes, y=profile, look="off", label="set point, led by the ramp limit"),
-        Curve(x=minutes, y=air, look="grey", label="air"),
-        Curve(x=minutes, y=housing, look="third", label="gyro's housing (thermistor)"),
-        Curve(x=minutes, y=coil, look="on", label="its coil"),
+        SketchedCurve(x=minutes, y=profile, look="off", label="set point, led by the ramp limit"),
+        SketchedCurve(x=minutes, y=air, look="grey", label="air"),
+        SketchedCurve(x=minutes, y=housing, look="third", label="gyro's housing (thermistor)"),
+        SketchedCurve(x=minutes, y=coil, look="on", label="its coil"),
         x="time (min)",
         y="temperature (°C)",
         bands=(Band(low=arrived, high=still, label="waiting for the gyro", look="open"),),
@@ -189,7 +189,7 @@ def soak() -> Sketch:
 
 
 def bandwidth() -> Sketch:
-    """Gain and phase of a low-pass of second order."""
+    """Plot gain and phase of a second-order low-pass."""
     cutoff = 60.0
     frequency = np.geomspace(0.5, 300.0, 300)
     s = 1j * frequency / cutoff
@@ -204,8 +204,8 @@ def bandwidth() -> Sketch:
                 x="frequency (Hz)",
                 y="gain (dB)",
                 curves=(
-                    Curve(x=frequency, y=20.0 * np.log10(np.abs(response)), look="on", label="gain"),
-                    Curve(x=frequency, y=np.full(frequency.size, -3.01), look="off", label="−3 dB"),
+                    SketchedCurve(x=frequency, y=20.0 * np.log10(np.abs(response)), look="on", label="gain"),
+                    SketchedCurve(x=frequency, y=np.full(frequency.size, -3.01), look="off", label="−3 dB"),
                 ),
                 bands=(Band(low=0.5, high=cutoff, label="bandwidth", look="good"),),
                 logarithmic="x",
@@ -214,8 +214,8 @@ def bandwidth() -> Sketch:
                 x="frequency (Hz)",
                 y="phase (°)",
                 curves=(
-                    Curve(x=frequency, y=phase, look="on", label="phase"),
-                    Curve(
+                    SketchedCurve(x=frequency, y=phase, look="on", label="phase"),
+                    SketchedCurve(
                         x=frequency[frequency < 90.0],
                         y=-0.36 * delay_ms * frequency[frequency < 90.0],
                         look="off",
@@ -230,7 +230,7 @@ def bandwidth() -> Sketch:
 
 
 def warm_up_time() -> Sketch:
-    """The bias after power-on, its law, and the moment at which it stays within a limit."""
+    """Plot the bias after power-on, its law, and the time after which it stays within a limit."""
     rng = np.random.default_rng(4)
     within, amplitude, tau_s = 10.0, 90.0, 300.0
     time_s = np.linspace(10.0, 2390.0, 120)
@@ -239,8 +239,8 @@ def warm_up_time() -> Sketch:
     return one_panel(
         "Warm-up",
         f"A = 90 °/h, τ = 300 s: within 10 °/h of its end after τ·ln(A/10 °/h) = {ready_s:.0f} s.",
-        Curve(x=time_s, y=law + 4.0 * rng.standard_normal(time_s.size), look="off dots", label="means"),
-        Curve(x=time_s, y=law, look="on", label="A·exp(−t/τ)"),
+        SketchedCurve(x=time_s, y=law + 4.0 * rng.standard_normal(time_s.size), look="off dots", label="means"),
+        SketchedCurve(x=time_s, y=law, look="on", label="A·exp(−t/τ)"),
         x="time since power-on (s)",
         y="bias less its end (°/h)",
         bands=(
@@ -252,5 +252,5 @@ def warm_up_time() -> Sketch:
 
 
 def _below(limit: float, true: np.ndarray) -> np.ndarray:
-    """The chance that a value with U = 1 (k = 2) about the true one is read below a limit."""
+    """Return the probability that a value with U = 1 (k = 2) is measured below a limit, for each true value."""
     return np.array([0.5 * (1.0 + math.erf((limit - one) * math.sqrt(2.0))) for one in true.tolist()])

@@ -1,4 +1,4 @@
-"""Draw an effect of the table's drive or of the chamber, switched on and off: torque, or air temperature."""
+"""Draw an effect of the table's drive or of the chamber, with and without it: torque, or air temperature."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchctl.explain.pictures.sketch import (
-    Curve,
     Panel,
     Sketch,
+    SketchedCurve,
     Values,
     compared,
     described_values,
@@ -39,7 +39,7 @@ class _Scene:
 
 
 def drive_sketch(kind: type[DriveEffect]) -> Sketch:
-    """The picture of an effect: torque with and without it, and what it adds."""
+    """Return the sketch of an effect: torque with and without it, and the difference."""
     scene = _SCENES.get(kind.coordinate, _hour)()
     values = stated_values(kind.identifier) or visible_values(kind, lambda tried: _share(kind, tried, scene), _SEEN)
     x, off = scene.x, scene.signals.torque_nm
@@ -129,7 +129,7 @@ _CHAMBER_SHARE = 0.1
 
 
 def chamber_sketch(kind: type[ChamberEffect]) -> Sketch:
-    """The picture of an effect: the air's course with and without it, and by how much they part."""
+    """Return the sketch of an effect: air temperature with and without it, and the difference."""
     drive: Drive = "power" if "power" in kind.drives else "setpoint"
     plain = _run(drive)
     values = stated_values(kind.identifier) or visible_values(
@@ -142,7 +142,12 @@ def chamber_sketch(kind: type[ChamberEffect]) -> Sketch:
         title=title_of(kind),
         caption=f"Steps of the {what}; {described_values(kind, values)}.",
         panels=(
-            Panel(x="time (h)", y=f"{what} ({unit})", curves=(Curve(x=hours, y=plain.drive, look="grey"),), share=0.5),
+            Panel(
+                x="time (h)",
+                y=f"{what} ({unit})",
+                curves=(SketchedCurve(x=hours, y=plain.drive, look="grey"),),
+                share=0.5,
+            ),
             *compared(hours, "time (h)", off, on, "air (°C)", difference="°C"),
         ),
         difference=on - off,
@@ -150,7 +155,7 @@ def chamber_sketch(kind: type[ChamberEffect]) -> Sketch:
 
 
 def _run(drive: Drive) -> ChamberSignals:
-    """Steps up and down. A set point is what the air comes to; power adds to the room's temperature."""
+    """Simulate steps up and down. The air approaches a set point; power adds to the room's temperature."""
     time_s = np.arange(0.0, 3600.0 * _HOURS, _INTERVAL_S)
     above_c = np.interp(time_s // _STEP_S, [0, 1, 2, 3], [0.0, 30.0, 80.0, 10.0])
     room_c = _ROOM_C if drive == "power" else 0.0

@@ -1,4 +1,4 @@
-"""What a picture shows, as data: panels of curves above each other, with a caption."""
+"""The content of a picture as data: panels of curves above each other, with a caption."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 
 Look = Literal["off", "on", "third", "grey", "faint", "off dots", "on dots", "third dots"]
-"""`off` is without the effect, `on` with it; `grey` and `faint` stand back."""
+"""`off` is without the effect, `on` with it; `grey` and `faint` are for the background."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
-    """A line, or dots; x and y of shape (n,)."""
+class SketchedCurve:
+    """A line or dots; x and y of shape (n,)."""
 
     x: FloatArray
     y: FloatArray
@@ -26,7 +26,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Band:
-    """A range of x (or of y, `across`) that has a name."""
+    """A named range of x (or of y, if `across`)."""
 
     low: float
     high: float
@@ -37,11 +37,11 @@ class Band:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """One pair of axes; `share` is its part of the height."""
+    """One pair of axes; `share` is its relative height."""
 
     x: str
     y: str
-    curves: tuple[Curve, ...]
+    curves: tuple[SketchedCurve, ...]
     bands: tuple[Band, ...] = ()
     marks: tuple[tuple[float, float, str], ...] = ()
     logarithmic: Literal["", "x", "xy"] = ""
@@ -51,7 +51,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sketch:
-    """A complete picture; `difference`, shape (n,), is what the effect changes, where it shows one."""
+    """A complete picture; `difference`, shape (n,), is the change due to the effect, if it shows one."""
 
     title: str
     caption: str
@@ -62,7 +62,7 @@ class Sketch:
 def one_panel(
     title: str,
     caption: str,
-    *curves: Curve,
+    *curves: SketchedCurve,
     x: str,
     y: str,
     bands: tuple[Band, ...] = (),
@@ -71,19 +71,19 @@ def one_panel(
     zero: bool = False,
     share: float = 1.5,
 ) -> Sketch:
-    """A picture of a single pair of axes."""
+    """Return a picture with a single pair of axes."""
     panel = Panel(x=x, y=y, curves=curves, bands=bands, marks=marks, logarithmic=logarithmic, zero=zero, share=share)
     return Sketch(title=title, caption=caption, panels=(panel,))
 
 
 def compared(x: FloatArray, x_label: str, off: FloatArray, on: FloatArray, y: str, *, difference: str) -> list[Panel]:
-    """What is without an effect and with it, and below it the difference."""
+    """Return a panel with the curves with and without the effect, and a panel with their difference."""
     both = (
-        Curve(x=x, y=off, look="off", label="without the effect"),
-        Curve(x=x, y=on, look="on", label="with it"),
+        SketchedCurve(x=x, y=off, look="off", label="without the effect"),
+        SketchedCurve(x=x, y=on, look="on", label="with it"),
     )
     factor = 1e3 if difference.startswith("m") else 1.0
-    changed = (Curve(x=x, y=factor * (on - off), look="on"),)
+    changed = (SketchedCurve(x=x, y=factor * (on - off), look="on"),)
     return [
         Panel(x=x_label, y=y, curves=both),
         Panel(x=x_label, y=f"difference ({difference})", curves=changed, zero=True, share=0.8),
@@ -91,7 +91,7 @@ def compared(x: FloatArray, x_label: str, off: FloatArray, on: FloatArray, y: st
 
 
 def title_of(kind: type[DescribedEffect]) -> str:
-    """An effect's identifier as a heading."""
+    """Return an effect's identifier as a heading."""
     return kind.identifier.replace("_", " ").capitalize()
 
 
@@ -99,14 +99,14 @@ Values = dict[str, float]
 
 
 def stated_values(identifier: str) -> Values:
-    """The size at which the glossary asks for an effect to be drawn; empty where it does not."""
+    """Return the size at which the glossary requests an effect to be drawn; empty if it does not."""
     return {name: float(value) for name, value in extra("effects", identifier).get("pictured", {}).items()}
 
 
 def visible_values(kind: type[DescribedEffect], share: Callable[[Values], float], target: float) -> Values:
-    """Values at which each size of an effect alone changes a share `target`; `share` computes the share of values.
+    """Return values at which each size of an effect alone changes a share `target`; `share` computes it from values.
 
-    Shapes are taken from the middle of where a search would begin, phases and choices from its beginning.
+    Shapes are taken from the middle of the search grid, phases and choices from its start.
     """
     described = kind.parameters
     values = {name: _start(one) for name, one in described.items()}
@@ -121,12 +121,12 @@ def visible_values(kind: type[DescribedEffect], share: Callable[[Values], float]
 
 
 def described_values(kind: type[DescribedEffect], values: Mapping[str, float]) -> str:
-    """Values in a caption: `tau_s = 424, fraction = 0.004`."""
+    """Format values for a caption: `tau_s = 424, fraction = 0.004`."""
     return ", ".join(f"{name} = {as_written(values[name])}" for name in kind.parameters)
 
 
 def whole_values(kind: type[DescribedEffect], values: Mapping[str, float]) -> Values:
-    """Values with those parameters that they leave out, each where a search would begin."""
+    """Complete values with the missing parameters, each at the start of its search grid."""
     return {**{name: _start(one) for name, one in kind.parameters.items()}, **values}
 
 

@@ -1,1 +1,1 @@
-"""The tests of a gyro, one file a kind: each gives results from the observations, or states what is missing."""
+"""The tests of a gyro, one module per kind: each yields results from the observations, or states what is missing."""

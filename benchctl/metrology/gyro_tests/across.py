@@ -1,7 +1,7 @@
-"""Misalignment: the angle by which the input axis misses the plane across the table's axis.
+"""Misalignment: the angle between the input axis and the plane perpendicular to the table's axis.
 
-The unit is mounted across; δ = (F₊ − F₋)/(2·K·Ω), here the slope of the line over all rates over the scale factor. The
-fixture's own error is part of it and in the budget.
+The unit is mounted across; δ = (F₊ − F₋)/(2·K·Ω), here the slope of the line over all rates divided by the scale
+factor. The fixture's error is included in it and in the budget.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _NAME = "misalignment"
 
 
 def across_tests(obs: Observations) -> Iterator[Measured]:
-    """The one result."""
+    """Yield the misalignment."""
     across = [number for number, stretch in enumerate(obs.stretches) if stretch.across]
     turned = [one for one in across if np.unique(obs.in_stretch(one).set_dps).size > 1]
     if not turned:
@@ -37,7 +37,7 @@ def across_tests(obs: Observations) -> Iterator[Measured]:
         rate_dps, output_v = points.moved(offsets)
         scale = line(rate_dps[:, sweep], output_v[:, sweep])[0]
         felt = line(rate_dps[:, own], output_v[:, own])[0] / scale
-        # a unit that was not mounted across senses all of the rate
+        # a unit that was not mounted across senses the full rate
         return np.asarray(1e3 * (np.arcsin(np.clip(felt, -1.0, 1.0)) + offsets["fixture"][:, 0]))
 
     fixture = single("fixture", float(np.deg2rad(obs.stated.mounting_deg.standard)), obs.stated.mounting_deg.says)

@@ -1,7 +1,7 @@
 """Bias, its stability, and the noises of the longest rest.
 
-Bias is the mean output at rest over the scale factor, less the Earth's rate about the vertical axis. Stability is the
-deviation of 10-s means; instability, random walks, quantisation and ramp are the terms of the Allan deviation.
+Bias is the mean output at rest over the scale factor, minus the Earth's rate about the vertical axis. Stability is the
+standard deviation of 10-s means; instability, random walks, quantisation and ramp are terms of the Allan deviation.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ _TERMS: Mapping[str, Term] = {
 _OF_NOISE = ("bias_stability", *_TERMS)
 _FEWEST_MEANS = 10
 _LOWEST = 0.1
-"""Lowest frequency of the noise that makes means scatter, in reciprocals of the record: below, they move together."""
+"""Lowest frequency of the noise that makes means scatter, in reciprocals of the record; slower noise moves them all."""
 
 
 def rest_tests(obs: Observations) -> Iterator[Measured]:
-    """Bias, its stability, and five terms."""
+    """Yield the bias, its stability, and five terms."""
     if obs.reference is None:
         yield from (refused(name, message("needs_scale_factor")) for name in ("bias", *_OF_NOISE))
         return
@@ -74,7 +74,7 @@ def rest_tests(obs: Observations) -> Iterator[Measured]:
 
 
 def _bias(obs: Observations) -> Measured:
-    """Of the longest rest at the reference's set point."""
+    """Return the bias of the longest rest at the reference's set point."""
     home = obs.stretches[obs.reference or 0]
     longest, where = 0.0, None
     for number, stretch in enumerate(obs.stretches):
@@ -112,7 +112,7 @@ def _bias(obs: Observations) -> Measured:
 
 
 def _earth(obs: Observations, latitude_deg: float | None) -> tuple[float, str]:
-    """How well the Earth's rate about the axis is known [deg/s], and by what."""
+    """Return the standard uncertainty of the Earth's rate about the axis [deg/s], and its source."""
     if latitude_deg is None:
         return EARTH_DPS / float(np.sqrt(3.0)), "latitude not known"
     away = float(np.hypot(obs.stated.latitude_deg.standard, obs.stated.tilt_deg.standard))
@@ -123,7 +123,7 @@ def _earth(obs: Observations, latitude_deg: float | None) -> tuple[float, str]:
 
 
 def _stability(obs: Observations, found: Allan, step: int) -> Measured:
-    """The deviation of means; its interval by how means of this noise scatter together."""
+    """Return the standard deviation of means; its interval follows from the scatter of means of this noise."""
     series = found.series
     long = max(1, round(obs.settings.mean_s / series.interval_s))
     count = series.values.size // long
@@ -150,9 +150,9 @@ def _stability(obs: Observations, found: Allan, step: int) -> Measured:
 
 
 def _covariance_of_means(obs: Observations, found: Allan, count: int, long: int) -> FloatArray:
-    """Of means over `long` samples of the noise that the Allan deviation found, (count, count), in its unit squared.
+    """Return the covariance of means over `long` samples of the Allan deviation's noise, (count, count), unit squared.
 
-    A walk that one rest does not show, and all of them together do, is taken from these.
+    The walk is at least the one estimated from all rests, which a single rest may not show.
     """
     interval_s = found.series.interval_s
     mean_s = long * interval_s
@@ -162,7 +162,7 @@ def _covariance_of_means(obs: Observations, found: Allan, count: int, long: int)
     density = densities(frequency, interval_s) @ squares
     through = np.sinc(frequency * mean_s) ** 2
     lags_s = mean_s * np.arange(count)
-    # a few decades in logarithmic steps; lags beyond a step's own wavelength average out to nothing
+    # a few decades in logarithmic steps; the contributions of lags beyond a step's wavelength average out
     weights = 2.0 * density * through * np.gradient(frequency)
     return np.asarray(toeplitz(np.cos(2.0 * np.pi * np.outer(lags_s, frequency)) @ weights))
 
@@ -176,7 +176,7 @@ def _of_chi_square(obs: Observations, value: float, freedom: float) -> Uncertain
 def _by_scatter(
     obs: Observations, value: float, low: float, high: float, standard: float, dof: float = math.inf
 ) -> Uncertainty:
-    """Uncertainty of a result of known distribution: its interval combined with the converter's gain."""
+    """Return the uncertainty of a result of known distribution: its interval combined with the converter's gain."""
     gain = value * 1e-6 * obs.stated.gain_ppm.standard
     return Uncertainty(
         standard=float(np.hypot(standard, gain)),
@@ -222,7 +222,7 @@ def _term(obs: Observations, found: Allan, name: str, step: int) -> Measured:
 
 
 def _caution(found: Allan) -> tuple[Message, ...]:
-    """That the terms, and what is inferred from them, do not describe the rest; empty where they do."""
+    """Return the note that the terms, and what follows from them, do not describe the rest; empty if they do."""
     misfit = found.misfit
     if misfit is None:
         return ()

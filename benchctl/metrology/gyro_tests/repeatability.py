@@ -1,7 +1,8 @@
-"""Repeatability over turn-ons: the deviation of scale factor and of bias over cycles of the unit's supply.
+"""Repeatability over turn-ons: the standard deviation of scale factor and bias over power cycles.
 
-Of each turn-on the first stretch at the reference's set point counts; the scale factor is that of the rates that they
-share. The uncertainty is that of these cycles' deviation; a note states what another set of as many cycles may show.
+For each turn-on the first stretch at the reference's set point counts; the scale factor is that of the rates that all
+of them share. The uncertainty is that of these cycles' deviation; a note states the range for another set of as many
+cycles.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _DEG_PER_H = 3600.0
 
 
 def repeatability_tests(obs: Observations) -> Iterator[Measured]:
-    """Of scale factor and bias."""
+    """Yield the repeatability of scale factor and bias."""
     cycles = _cycles(obs)
     if len(cycles) < _FEWEST:
         why = message("needs_power_cycles", found=len(cycles), needed=_FEWEST)
@@ -42,7 +43,7 @@ def repeatability_tests(obs: Observations) -> Iterator[Measured]:
 
 
 def _cycles(obs: Observations) -> list[int]:
-    """The first stretch with rates of each turn-on at the reference's set point."""
+    """Return, for each turn-on, the first stretch with rates at the reference's set point."""
     if obs.reference is None:
         return []
     home_c = obs.stretches[obs.reference].setpoint_c
@@ -110,7 +111,7 @@ def _of_bias(obs: Observations, points: Points, cycles: list[int]) -> Measured:
 
 
 def _of_others(value: float, cycles: int) -> Message:
-    """Where the deviation of all turn-ons of the unit lies with 95 %, if theirs are normal."""
+    """Return the note with the 95 % interval of the unit's deviation over all turn-ons, if they are normal."""
     freedom = cycles - 1
     low, high = (value * float(np.sqrt(freedom / chdtri(freedom, tail))) for tail in (0.025, 0.975))
     return message("of_these_cycles", cycles=cycles, low=low, high=high)

@@ -1,8 +1,8 @@
-"""Bandwidth and delay: gain and phase of the output against the encoder in swings of several frequencies.
+"""Bandwidth and delay: gain and phase of the output relative to the encoder in swings of several frequencies.
 
-Of each swing the fundamental of both is fitted; the gain is over that of the static curve at the same amplitude, which
-a gyro that is not straight has another of. The band ends where the gain is 3 dB down or the phase 90° late, whichever
-comes first; the delay is the slope of the phase at low frequencies.
+For each swing the fundamental of both is fitted. The gain is relative to that of the static curve at the same
+amplitude, because the static gain of a nonlinear gyro depends on the amplitude. The band ends at a gain of −3 dB or a
+phase of −90°, whichever comes first; the delay is the slope of the phase at low frequencies.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _FEWEST = 3
 _LEAST_DPS = 1.0
 _THREE_DB = 1.0 / np.sqrt(2.0)
 _EARLY_RAD = 0.3
-"""The phase of any low-pass is straight over frequency as far as here."""
+"""Phase up to which that of any low-pass is proportional to the frequency."""
 _ORDER = 5
 _BETWEEN = 33
 _NAMES = ("bandwidth", "delay")
@@ -39,11 +39,11 @@ class _Response:
     phase_rad: float
     amplitude_dps: float
     standard: float
-    """Of the gain, relative; and of the phase, rad: noise is as large along the phasor as across."""
+    """Of the gain, relative; and of the phase, rad: the noise is equal along the phasor and perpendicular to it."""
 
 
 def response_tests(obs: Observations) -> Iterator[Measured]:
-    """Bandwidth and delay."""
+    """Yield bandwidth and delay."""
     if obs.reference is None:
         yield from (refused(name, message("needs_scale_factor")) for name in _NAMES)
         return
@@ -123,7 +123,7 @@ def _responses(obs: Observations) -> Iterator[_Response]:
 
 
 def _by_frequency(swings: Sequence[_Response]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Growing frequencies, and the mean gain, phase and its standard uncertainty of the swings at each; (n,) each."""
+    """Return increasing frequencies, and at each the mean gain, phase and its standard uncertainty; (n,) each."""
     frequencies = np.unique([one.frequency_hz for one in swings])
     alike = [[one for one in swings if one.frequency_hz == hz] for hz in frequencies]
     return (
@@ -135,7 +135,7 @@ def _by_frequency(swings: Sequence[_Response]) -> tuple[FloatArray, FloatArray, 
 
 
 def _curve_misfit(obs: Observations, swings: Sequence[_Response]) -> float:
-    """How well the static gain at the swings' amplitude is known, relative: what the curve leaves of the sweep."""
+    """Return the relative uncertainty of the static gain at the swings' amplitude, from the curve's residual."""
     points = obs.at_reference
     if points is None:
         return 0.0
@@ -150,7 +150,7 @@ def _order(rate_dps: FloatArray) -> int:
 
 
 def _response(step: Step, frequency_hz: float, curve: FloatArray) -> _Response | None:
-    """The fundamental of the output over what the static curve makes of the motion; None where it hardly moves."""
+    """Return the output's fundamental over that of the static curve for the same motion; None if it hardly moves."""
     swing = fitted(step, frequency_hz)
     if swing is None or abs(swing.rate_phasor) < _LEAST_DPS:
         return None
@@ -169,9 +169,9 @@ def _response(step: Step, frequency_hz: float, curve: FloatArray) -> _Response |
 
 
 def _first_below(frequencies: FloatArray, values: FloatArray, limit: float) -> FloatArray:
-    """Where values (d, n) over growing frequencies first fall below a limit; the highest where they never do; (d,).
+    """Return where values (d, n) over increasing frequencies first fall below a limit, else the highest; (d,).
 
-    Between the two frequencies by a cubic spline over their logarithm.
+    Between two frequencies a cubic spline over their logarithm is used.
     """
     crossing = np.full(values.shape[0], frequencies[-1])
     below = values < limit

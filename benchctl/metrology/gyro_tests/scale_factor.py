@@ -1,8 +1,8 @@
-"""Scale factor, its nonlinearity by two definitions, asymmetry, range of rates and hysteresis: the sweep of rates.
+"""Scale factor, its nonlinearity by two definitions, asymmetry, input range and hysteresis, from the sweep of rates.
 
-Definitions: K is the slope of the least-squares line over all rates; nonlinearity the largest misfit of that line over
-the largest output; of reading, the largest departure from the line fitted at low rates, over what that line reads;
-asymmetry the difference of the slopes of either direction over their mean.
+Definitions: K is the slope of the least-squares line over all rates; nonlinearity is the largest misfit of that line
+over the largest output; nonlinearity of reading is the largest deviation from the line fitted at low rates, over the
+reading of that line; asymmetry is the difference of the slopes in both directions over their mean.
 
 Hysteresis in rate is the largest difference of outputs at one rate, reached from below and from above, over the largest
 output of the cycle. A cycle goes up to the top rate and down again, in each direction.
@@ -23,11 +23,11 @@ from benchctl_instruments.arrays import FloatArray, IntArray
 _FEWEST = 3
 _NAMES = ("scale_factor", "nonlinearity", "nonlinearity_reading", "asymmetry", "input_range")
 _LOWEST_SHARE = 0.2
-"""Of the rates of the line at low rates: what is read below that is mostly bias."""
+"""Minimum rate for errors of reading, as a share of the limit of low rates; below it the output is mostly bias."""
 
 
 def scale_factor_tests(obs: Observations) -> Iterator[Measured]:
-    """The five results of the reference's sweep."""
+    """Yield the five results of the reference's sweep."""
     points = obs.at_reference
     if points is None:
         rates = int(np.unique(obs.points.set_dps).size)
@@ -87,7 +87,7 @@ def _scale_factor(obs: Observations, points: Points, quantities: list[Quantity])
 
 
 def _slope_per_c(obs: Observations) -> float:
-    """Relative change of K with temperature, 1/°C, by the stretches at other temperatures; 0 where there are none."""
+    """Return the relative change of K with temperature, 1/°C, from stretches at other temperatures; 0 if none."""
     found = []
     for number, stretch in enumerate(obs.stretches):
         points = obs.swept_in([number])
@@ -111,7 +111,7 @@ def _nonlinearity(points: Points, quantities: list[Quantity]) -> Measured:
 
 
 def _reading_errors(points: Points, offsets: Offsets, low: IntArray, high: IntArray) -> FloatArray:
-    """Departures from the line at low rates over what it reads, percent, shape (d, n of high)."""
+    """Return deviations from the line at low rates over its reading, percent, shape (d, n of high)."""
     rate_dps, output_v = points.moved(offsets)
     slope, intercept = line(rate_dps[:, low], output_v[:, low])
     reads = slope[:, None] * rate_dps[:, high]
@@ -119,7 +119,7 @@ def _reading_errors(points: Points, offsets: Offsets, low: IntArray, high: IntAr
 
 
 def _ranges(obs: Observations, points: Points) -> tuple[IntArray, IntArray]:
-    """Which points the line at low rates is fitted to, and which are held against it."""
+    """Return the points to which the line at low rates is fitted, and those that are compared with it."""
     limit_dps = obs.settings.low_rate_dps
     absolute = np.abs(points.set_dps)
     return np.flatnonzero(absolute <= limit_dps), np.flatnonzero(absolute > _LOWEST_SHARE * limit_dps)
@@ -144,7 +144,7 @@ def _of_reading(obs: Observations, points: Points, quantities: list[Quantity]) -
 
 
 def _input_range(obs: Observations, points: Points, quantities: list[Quantity]) -> Measured:
-    """The rate at which the error of reading, the largest of all visits, passes the limit; straight between rates."""
+    """Return the rate at which the largest error of reading of all visits passes the limit, interpolated linearly."""
     low, high = _ranges(obs, points)
     limit = obs.settings.linearity_percent
     sizes = np.abs(points.set_dps[high])
@@ -172,7 +172,7 @@ def _input_range(obs: Observations, points: Points, quantities: list[Quantity]) 
 
 
 def _first_crossing(rates: FloatArray, errors: FloatArray, limit: float) -> FloatArray:
-    """Where growing errors (d, n) over growing rates (d, n) pass the limit; the last rate where they never do; (d,)."""
+    """Return where increasing errors (d, n) over rates (d, n) pass the limit; the last rate if they never do; (d,)."""
     beyond = errors > limit
     first = np.where(beyond.any(axis=1), np.argmax(beyond, axis=1), rates.shape[1] - 1)
     rows, before = np.arange(rates.shape[0]), np.maximum(first - 1, 0)
@@ -197,7 +197,7 @@ _HYSTERESIS = "hysteresis_rate"
 
 
 def hysteresis_tests(obs: Observations) -> Iterator[Measured]:
-    """The one result."""
+    """Yield the hysteresis in rate."""
     points, up, down = _widest_cycle(obs)
     if up.size == 0:
         yield refused(_HYSTERESIS, message("needs_up_and_down"))
@@ -207,7 +207,7 @@ def hysteresis_tests(obs: Observations) -> Iterator[Measured]:
 
     def differences(offsets: Offsets) -> FloatArray:
         rate_dps, output_v = points.moved(offsets)
-        at_set = output_v - slope * (rate_dps - points.set_dps)  # the table never turns twice at the very same rate
+        at_set = output_v - slope * (rate_dps - points.set_dps)  # the table never repeats a rate exactly
         return np.asarray(1e6 * (at_set[:, up] - at_set[:, down]) / largest_v)
 
     quantities = obs.quantities(points)
@@ -223,7 +223,7 @@ def hysteresis_tests(obs: Observations) -> Iterator[Measured]:
 
 
 def _widest_cycle(obs: Observations) -> tuple[Points, np.ndarray, np.ndarray]:
-    """The stretch whose rates, reached from both sides, go furthest; and which of its points pair, up with down."""
+    """Return the stretch with the highest rate reached from both sides, and its pairs of points, up and down."""
     best = obs.points.of(np.zeros(0, dtype=np.int64)), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     reached = 0.0
     for number, stretch in enumerate(obs.stretches):

@@ -1,11 +1,11 @@
-"""Threshold, resolution and dead zone: the smallest rate, and change of a rate, that show at half their size or more.
+"""Threshold, resolution and dead zone: the smallest rate, or change of rate, with at least half the expected response.
 
-The response to a rate (or to a change from a base rate) is the change of the output over what the scale factor makes of
-it. Threshold and resolution lie where it passes one half for good, in whichever direction is the worse; between two
-rates on a straight line over 1/rate, as a zone that swallows the same of every rate would have it.
+The response to a rate (or to a change from a base rate) is the change of the output divided by that expected from the
+scale factor. Threshold and resolution are the size above which it stays over one half, in the worse direction; between
+two rates it is interpolated linearly over 1/rate, as for a zone that takes the same amount off every rate.
 
-Dead zone: rates about zero over which the output changes by less than half of what the scale factor demands, by a slow
-swing through zero. Its samples are gathered in narrow bins of rate, and the slope between neighbouring bins is compared
+Dead zone: the rates about zero over which the output changes by less than half of what the scale factor predicts, in a
+slow swing through zero. Samples are grouped in narrow bins of rate, and the slope between neighbouring bins is compared
 with the scale factor.
 """
 
@@ -33,7 +33,7 @@ _DEG_PER_H = 3600.0
 
 
 def small_rate_tests(obs: Observations) -> Iterator[Measured]:
-    """Threshold about rest, resolution about a base rate."""
+    """Yield the threshold about rest and the resolution about a base rate."""
     yield _smallest(obs, "threshold", at_rest=True, lacking=message("needs_small_rates"))
     yield _smallest(obs, "resolution", at_rest=False, lacking=message("needs_rate_steps"))
 
@@ -52,7 +52,7 @@ def _smallest(obs: Observations, name: str, *, at_rest: bool, lacking: Message) 
 
 
 def _base_dps(points: Points) -> float | None:
-    """The rate that has most others within half a degree a second; None where none has."""
+    """Return the rate with the most others within half a degree per second; None if no rate has enough."""
     bases = np.unique(points.set_dps[np.abs(points.set_dps) >= _LOWEST_BASE_DPS])
     near = [int(np.sum(np.abs(bases - one) <= _SMALL_DPS)) for one in bases]
     crowded = [one for one, count in zip(bases.tolist(), near, strict=True) if count == max(near, default=0)]
@@ -63,7 +63,7 @@ def _found(obs: Observations, name: str, points: Points, base: IntArray, near: I
     slope = obs.scale_v_per_dps
 
     def responses(offsets: Offsets) -> tuple[FloatArray, FloatArray]:
-        """Sizes of the steps, growing, and the weaker response of either direction, (d, n) each."""
+        """Return the sizes of the steps, increasing, and the weaker response of both directions, (d, n) each."""
         rate_dps, output_v = points.moved(offsets)
         step_dps = rate_dps[:, near] - rate_dps[:, base].mean(axis=1, keepdims=True)
         response = (output_v[:, near] - output_v[:, base].mean(axis=1, keepdims=True)) / (slope * step_dps)
@@ -96,14 +96,14 @@ def _found(obs: Observations, name: str, points: Points, base: IntArray, near: I
 
 
 def _bound(weakest: FloatArray) -> Bound:
-    """Where even the smallest size shows, or not even the largest."""
+    """Return whether the result is a bound: even the smallest size shows, or not even the largest."""
     if weakest[-1] < _HALF:
         return "at least"
     return "at most" if bool((weakest >= _HALF).all()) else ""
 
 
 def _gap(sizes: FloatArray, weakest: FloatArray) -> float:
-    """Between the two rates where the response passes one half; 0 where it never is below."""
+    """Return the distance of the two rates between which the response passes one half; 0 if it is never below."""
     below = np.flatnonzero(weakest < _HALF)
     if below.size == 0 or below[-1] + 1 == sizes.size:
         return 0.0
@@ -111,7 +111,7 @@ def _gap(sizes: FloatArray, weakest: FloatArray) -> float:
 
 
 def _crossing(sizes: FloatArray, response: FloatArray) -> FloatArray:
-    """Where the response passes one half for good, (d,); the smallest size where it always has, the largest: never."""
+    """Return where the response passes one half for the last time, (d,); else the smallest or largest size."""
     last = response.shape[1] - 1
     below = response < _HALF
     fails = np.where(below.any(axis=1), last - np.argmax(below[:, ::-1], axis=1), -1)
@@ -126,11 +126,11 @@ _DEAD_ZONE = "dead_zone"
 _WIDEST_DPS, _FASTEST_HZ = 2.0, 0.1
 _BINS = 25
 _USED = 0.95
-"""Share of the amplitude that is used: near its ends a sine adds no information."""
+"""Share of the amplitude that is used: near its ends a sine gives no further information."""
 
 
 def dead_zone_tests(obs: Observations) -> Iterator[Measured]:
-    """The one result."""
+    """Yield the dead zone."""
     info = _slow_swing(obs)
     if info is None or info.frequency_hz is None:
         yield refused(_DEAD_ZONE, message("needs_slow_swing"))
@@ -184,7 +184,7 @@ def _slow_swing(obs: Observations) -> StepInfo | None:
 
 
 def _binned(swing: Swing, edges: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean output in each bin, moved to its middle, and its standard uncertainty; (bins,) each."""
+    """Return the mean output in each bin, moved to its middle, and its standard uncertainty; (bins,) each."""
     middle = 0.5 * (edges[1:] + edges[:-1])
     place = np.digitize(swing.rate_dps, edges) - 1
     inside = (place >= 0) & (place < middle.size)
@@ -192,14 +192,14 @@ def _binned(swing: Swing, edges: FloatArray) -> tuple[FloatArray, FloatArray]:
     slope = float(np.polyfit(rate_dps, output_v, 1)[0])
     count = np.bincount(place, minlength=middle.size)
     off_dps = np.bincount(place, rate_dps, middle.size) / count - middle
-    # inside a zone the output does not follow the rate: there the bins are crowded evenly, and nothing is moved
+    # inside a zone the output does not follow the rate; there the samples are spread evenly, and nothing is moved
     means = np.bincount(place, output_v, middle.size) / count - slope * off_dps
     white_v = float(np.sqrt(white_variance(swing.output_v)))
     return means, white_v / np.sqrt(count)
 
 
 def _longest_run(flags: np.ndarray) -> FloatArray:
-    """The length of the longest run of true flags in each row of (d, n)."""
+    """Return the length of the longest run of true flags in each row of (d, n)."""
     longest, current = np.zeros(flags.shape[0]), np.zeros(flags.shape[0])
     for column_of in flags.T:
         current = np.where(column_of, current + 1.0, 0.0)

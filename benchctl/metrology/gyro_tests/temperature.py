@@ -1,8 +1,8 @@
-"""Scale factor and bias over temperature: their sensitivity, and what they remember of where the chamber came from.
+"""Scale factor and bias over temperature: their sensitivity, and their hysteresis between heating and cooling.
 
-Sensitivity is the largest change from the reference per degree, over all set points that are 5 °C or more away, by the
-rates that both have; the thermometer's errors at two temperatures are taken to know nothing of each other. Hysteresis
-is the largest difference between set points reached by heating and by cooling.
+Sensitivity is the largest change from the reference per degree, over all set points that differ by 5 °C or more, from
+the rates that both have; the thermometer's errors at two temperatures are assumed independent. Hysteresis is the
+largest difference between set points reached by heating and by cooling.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Of = Callable[[Offsets], FloatArray]
 
 
 def temperature_tests(obs: Observations) -> Iterator[Measured]:
-    """Sensitivity and hysteresis of scale factor and bias."""
+    """Yield sensitivity and hysteresis of scale factor and bias."""
     usable = _usable(obs)
     home = obs.reference
     away = [] if home is None else [one for one in usable if abs(_celsius(obs, one) - _celsius(obs, home)) > _APART_C]
@@ -47,7 +47,7 @@ def temperature_tests(obs: Observations) -> Iterator[Measured]:
 
 
 def _usable(obs: Observations) -> list[int]:
-    """Stretches with rest and two rates; of those of one soak the last, which has settled best."""
+    """Return stretches with rest and two rates; of several in one soak the last, which has settled best."""
     found: dict[tuple[float, float], int] = {}
     for number, stretch in enumerate(obs.stretches):
         points = obs.swept_in([number])
@@ -78,7 +78,7 @@ def _biases(points: Points, chosen: Sequence[np.ndarray], slope: float) -> Of:
 
 
 def _together(obs: Observations, numbers: Sequence[int]) -> tuple[Points, list[np.ndarray]]:
-    """The points of some stretches at the rates that all of them have, and which belong to each."""
+    """Return the points of some stretches at the rates common to all of them, and a mask for each stretch."""
     points = obs.swept_in(numbers)
     common = set(points.set_dps.tolist())
     for number in numbers:
@@ -89,7 +89,7 @@ def _together(obs: Observations, numbers: Sequence[int]) -> tuple[Points, list[n
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Kind:
-    """Scale factor or bias: at every chosen stretch, (d, k), and how far two of them are apart."""
+    """Scale factor or bias: its value at every chosen stretch, (d, k), and the function for their difference."""
 
     name: str
     unit: str
@@ -147,7 +147,7 @@ def _sensitivities(obs: Observations, home: int, away: Sequence[int]) -> Iterato
 
 
 def _legs(obs: Observations, usable: Sequence[int]) -> list[tuple[int, int]]:
-    """Stretches at one set point, reached from colder and from warmer."""
+    """Return pairs of stretches at one set point, reached from a colder and from a warmer one."""
     found = []
     for one in usable:
         for other in usable:

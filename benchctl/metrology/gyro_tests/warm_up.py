@@ -1,11 +1,12 @@
-"""Warm-up and thermal ramps: how far the bias is off when the supply comes on, for how long, and while it warms.
+"""Warm-up and thermal ramps: the error of the bias after a turn-on, its duration, and its dependence on dT/dt.
 
-The rest that follows a turn-on is fitted by c + A·e^(−t/τ), t since the turn-on, under the noise that rest shows. Warm
-is where the exponential stays within a stated limit.
+The rest after a turn-on is fitted by c + A·e^(−t/τ), t since the turn-on, with the noise estimated from rest. The unit
+is warm when the exponential stays within a stated limit.
 
-Bias over the rate of temperature (Shupe) is measured by ramps at rest in both directions, once bias over temperature is
-off. The bias along all ramps is fitted by 1, ΔT, ΔT² and dT/dt together, under the noise that rest shows. A thermometer
-that follows the coil late looks the same to first order, and is part of the value.
+The coefficient of bias over the rate of temperature (Shupe) is measured by ramps at rest in both directions, after
+removal of bias over temperature. The bias along all ramps is fitted by 1, ΔT, ΔT² and dT/dt together, with the noise
+estimated from rest. A delay of the thermometer behind the coil has the same effect to first order, and is included in
+the value.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ _DEG_PER_H = 3600.0
 
 
 def warm_up_tests(obs: Observations) -> Iterator[Measured]:
-    """Time and size, by the longest rest right after a turn-on."""
+    """Yield time and size, from the longest rest right after a turn-on."""
     after = [
         (on, rest)
         for on, rest in pairwise(obs.recording.infos)
@@ -116,7 +117,7 @@ def _result(name: str, value: float, uncertainty: Uncertainty, at_most: bool, co
 
 
 def _means(obs: Observations, rest: StepInfo) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Times, biases [deg/h] and their variances by the noise within; (n,) each. None where hardly a sample is good."""
+    """Return times, biases [deg/h] and their variances due to noise; (n,) each. None if there are too few samples."""
     step = obs.recording.step(rest.index, ("time_s", "gyro_v"))
     good = np.isfinite(step["gyro_v"])
     factor = _DEG_PER_H / obs.scale_v_per_dps
@@ -132,7 +133,7 @@ def _means(obs: Observations, rest: StepInfo) -> tuple[FloatArray, FloatArray, F
 
 
 def _decay(time_s: FloatArray, log_tau: float) -> FloatArray:
-    """e^(−t/τ) as even means have it about their middles: sinh(h)/h of it, h half a mean's length over τ."""
+    """Return e^(−t/τ) averaged over equal means about their middles: times sinh(h)/h, h half a mean's length over τ."""
     half = 0.5 * float(np.median(np.diff(time_s))) / np.exp(log_tau)
     return np.asarray(np.exp(-time_s / np.exp(log_tau)) * np.sinh(half) / half)
 
@@ -140,9 +141,9 @@ def _decay(time_s: FloatArray, log_tau: float) -> FloatArray:
 def _exponential(
     time_s: FloatArray, bias: FloatArray, white: FloatArray, obs: Observations
 ) -> tuple[FloatArray, FloatArray]:
-    """c, A and ln τ with their covariance, (3,) and (3, 3), under white noise and the likeliest walk of the bias.
+    """Return c, A and ln τ with their covariance, (3,) and (3, 3), under white noise and the likeliest bias walk.
 
-    A settling of less than half a mean would be over before the first of them, and could have been of any size.
+    τ is bounded: a settling shorter than half a mean would be over before the first one, and could have any size.
     """
     noise = likeliest(obs.noises)
     walk = noise.walk * (_DEG_PER_H / obs.scale_v_per_dps) ** 2
@@ -172,7 +173,7 @@ _PER_MINUTE = 60.0
 
 
 def ramp_tests(obs: Observations) -> Iterator[Measured]:
-    """The one result."""
+    """Yield the coefficient of bias over the rate of temperature."""
     ramps = [(info, _ramp_means(obs, info)) for info in obs.recording.infos if _at_rest(info)]
     parts = [part for _, part in ramps if part is not None]
     directions = {np.sign(celsius[-1] - celsius[0]) for _, _, celsius, _, _ in parts}
@@ -219,7 +220,7 @@ def ramp_tests(obs: Observations) -> Iterator[Measured]:
 def _regressed(
     obs: Observations, columns: FloatArray, output_v: FloatArray, time_s: FloatArray, white_v2: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Coefficients of the columns (n, p), shape (p,), and the variance of the last: over all walks that rest allows."""
+    """Return coefficients (p,) of the columns (n, p) and the variance of the last, over all walks that rest allows."""
     wiener = walk_covariance(time_s - time_s.min() + _MEAN_S, np.full(time_s.size, _MEAN_S))
     found, breads = [], []
     for noise, _ in obs.noises:
@@ -238,9 +239,9 @@ def _at_rest(info: StepInfo) -> bool:
 
 
 def _ramp_means(obs: Observations, info: StepInfo) -> tuple[FloatArray, ...] | None:
-    """Means over half a minute: time, volts, °C, °C/s, and the variance of the volts; (n,) each.
+    """Return means over half a minute: time, volts, °C, °C/s, and the variance of the volts; (n,) each.
 
-    None where output or thermistor are missing, or there are no two means.
+    None if output or thermistor is missing, or there are fewer than two means.
     """
     step = obs.recording.step(info.index, ("time_s", "gyro_v", "gyro_temp_c"))
     if not {"gyro_v", "gyro_temp_c"} <= step.channels.keys():

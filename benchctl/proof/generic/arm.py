@@ -1,4 +1,4 @@
-"""What the generic arm says of a recording."""
+"""Analyse a recording with the generic arm."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from benchctl_instruments.errors import UsageError
 class Regression:
     """The selected terms with their coefficients (rms contribution over a row's noise), and the effects they stand for.
 
-    `heldout_ratio` is the held-out residual over the noise, the smaller of the regression's and of a boosted tree's.
+    `heldout_ratio` is the held-out residual over the noise: the smaller of the regression's and a boosted tree's.
     """
 
     terms: dict[str, float]
@@ -30,17 +30,17 @@ class Regression:
 
 
 def available() -> bool:
-    """Whether pysindy is installed."""
+    """Return whether pysindy is installed."""
     return find_spec("pysindy") is not None
 
 
 def regress(recording: Recording) -> Regression:
-    """Sparse regression of what the lab's model leaves of the output.
+    """Fit the residual of the lab's model by sparse regression.
 
     Raises
     ------
     UsageError
-        Where the recording cannot be used so, or pysindy is not installed.
+        If the recording is not suitable, or pysindy is not installed.
     """
     rows = rows_of(recording)
     names, columns = library(rows)
@@ -55,9 +55,9 @@ def regress(recording: Recording) -> Regression:
 
 
 def boosted(baseline: FloatArray, rows: Rows) -> float:
-    """The residual over the noise on whole steps that were not fitted, beside baseline terms (n, b) refitted.
+    """Return the held-out residual over the noise of a boosted tree, with the baseline terms (n, b) refitted.
 
-    Raises `UsageError` where scikit-learn is not installed.
+    Complete steps are held out. Raises `UsageError` if scikit-learn is not installed.
     """
     try:
         from sklearn.ensemble import HistGradientBoostingRegressor

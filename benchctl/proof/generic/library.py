@@ -1,7 +1,7 @@
-"""The library of terms, and which effect each term stands for when the regression selects it.
+"""The library of terms, and the effect that each term represents when the regression selects it.
 
-Terms carry their names in the letters of the vocabulary: ω the rate (of the range), θ the angle, T the thermistor less
-T0 (of 40 °C), t the time (of an hour), α the acceleration, U the output.
+Names of terms use the symbols of the vocabulary: ω is the rate (relative to the range), θ the angle, T the thermistor
+minus T0 (in units of 40 °C), t the time (in hours), α the acceleration, U the output.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Seen:
 
     @classmethod
     def of(cls, rows: Rows) -> Seen:
-        """The scaled coordinates."""
+        """Return the scaled coordinates."""
         return cls(
             w=rows.rate_dps / rows.range_dps,
             a=_scaled(rows.acceleration_dps2),
@@ -123,24 +123,24 @@ TERMS: Mapping[str, Term] = MappingProxyType(
         "max(|ω| − 0.8, 0)": ("fringe_ambiguity", lambda s: np.sign(s.w) * np.maximum(np.abs(s.w) - 0.8, 0.0)),
     }
 )
-"""Name of a term -> the effect that it stands for, and its column."""
+"""Name of a term -> the effect that it represents, and its column."""
 
 
 _OF_K_T, _OF_K_OMEGA = ("ωT", "ωT²", "ωT³"), ("ω³", "ω⁵", "ω⁷")
 
 
 def library(rows: Rows) -> tuple[list[str], FloatArray]:
-    """Names and columns, shape (n, terms), of the terms that the lab's model does not have."""
-    seen = Seen.of(rows)
+    """Return names and columns, shape (n, terms), of the terms that the lab's model does not have."""
+    scaled = Seen.of(rows)
     has = _believed(rows)
     names = [name for name in TERMS if name not in has]
-    return names, np.column_stack([TERMS[name][1](seen) for name in names])
+    return names, np.column_stack([TERMS[name][1](scaled) for name in names])
 
 
 def baseline(rows: Rows) -> FloatArray:
-    """The terms that the lab's model has, shape (n, terms): their coefficients may have moved, which is no finding."""
-    seen = Seen.of(rows)
-    columns = [np.ones_like(seen.t), seen.w, *(TERMS[name][1](seen) for name in _believed(rows))]
+    """Return the terms of the lab's model, shape (n, terms); a change of their coefficients is no finding."""
+    scaled = Seen.of(rows)
+    columns = [np.ones_like(scaled.t), scaled.w, *(TERMS[name][1](scaled) for name in _believed(rows))]
     return np.column_stack(columns)
 
 

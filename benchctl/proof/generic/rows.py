@@ -1,4 +1,4 @@
-"""A recording averaged into rows for regression: what a careful user makes of it."""
+"""Average a recording into rows for regression, as a careful user would."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ _NEEDED = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c")
 _FEWEST_ROWS = 1000
 _SPIKE = 5.0
 _SETTLING_S = 1.0
-"""What a constant rate begins with is left out: while the table speeds up, no filter of its encoder is right."""
+"""The start of a constant rate is left out: while the table accelerates, no filter of its encoder is accurate."""
 
 _SMOOTHED_S = 10.0
 _WINDOW, _DEGREE = 7, 4
-"""Savitzky and Golay's filter for acceleration and jerk. The rate is that of a spline of fifth degree: of plain
-differences it would be too small by 4 % at 9 Hz."""
+"""Savitzky-Golay filter for acceleration and jerk. The rate is the derivative of a fifth-degree spline: plain
+differences would be too small by 4 % at 9 Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
     """Means over short blocks; arrays of shape (n,).
 
-    `residual_v` is what the lab's own model leaves of the output, `step` the index of the step, `noise_v` the noise of
-    a row, from the differences of neighbours at rest, less what the encoder says. `k_T_terms` and `k_omega_terms` count
-    the terms of the lab's model.
+    `residual_v` is the residual of the lab's own model, `step` the index of the step. `noise_v` is the noise of a row,
+    from the differences of neighbouring rows at rest after subtraction of the encoder's rate. `k_T_terms` and
+    `k_omega_terms` count the terms of the lab's model.
     """
 
     time_s: FloatArray
@@ -56,9 +56,9 @@ class Rows:
 
 
 def rows_of(recording: Recording) -> Rows:
-    """The rows of a recording whose lab states a model.
+    """Return the rows of a recording whose lab states a model.
 
-    Raises `UsageError` where it states none, or holds too few samples.
+    Raises `UsageError` if it states none, or if there are too few samples.
     """
     stated = recording.meta.simulation
     if stated is None:
@@ -110,7 +110,7 @@ def _series(coefficients: Sequence[float], x: FloatArray) -> FloatArray:
 
 
 def _averaged(step: Step) -> npt.NDArray[np.float64]:
-    """Time, angle, rate, acceleration, jerk, temperature, output; shape (7, rows)."""
+    """Return time, angle, rate, acceleration, jerk, temperature and output; shape (7, rows)."""
     time_s = step["time_s"]
     interval_s = float(np.median(np.diff(time_s)))
     block = max(1, round(1.0 / (ROWS_PER_S * interval_s)))
@@ -140,7 +140,7 @@ def _averaged(step: Step) -> npt.NDArray[np.float64]:
 
 
 def _white_v(differences: FloatArray) -> float:
-    """The white noise behind differences of neighbours, shape (n,); spikes and jumps among them do not count."""
+    """Estimate the white noise from differences of neighbours, shape (n,); spikes and jumps are ignored."""
     usual = np.median(np.abs(differences)) / 0.6745
     kept = differences[np.abs(differences) <= _SPIKE * usual]
     return max(float(np.sqrt(np.mean(kept**2) / 2.0)), 1e-9)

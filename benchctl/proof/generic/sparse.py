@@ -1,7 +1,7 @@
-"""Sequentially thresholded least squares (pysindy's STLSQ), the threshold chosen on held-out whole steps.
+"""Sequentially thresholded least squares (pysindy's STLSQ), with the threshold chosen on held-out steps.
 
-Rows enter by the triangular factors of their QR decomposition, a fold each: sums of squares and solutions are the same
-as those of all rows, at a small part of the work.
+Rows enter as the triangular factors of their QR decomposition, one per fold: sums of squares and solutions equal those
+of all rows, at a small part of the cost.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from benchctl_instruments.errors import UsageError
 
 FOLDS = 5
 THRESHOLDS = np.geomspace(1e-3, 3.0, 32)
-"""The smallest coefficient that is kept, by what its term contributes: its rms in units of a row's noise."""
+"""Candidate thresholds for a coefficient: the rms of its term's contribution in units of a row's noise."""
 
 _RIDGE = 1e-3
 _DISTINCT = 1e-4
-"""A column of which less than that share is left beside the baseline is left out."""
+"""A column is left out if less than this share of it remains after projection on the baseline."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,21 +38,21 @@ class Sparse:
 
 
 def sparse(baseline: FloatArray, columns: FloatArray, rows: Rows) -> Sparse:
-    """The sparsest model within one standard error of the best one in cross-validation over whole steps.
+    """Return the sparsest model within one standard error of the best one in cross-validation over complete steps.
 
     Parameters
     ----------
     baseline
-        Terms that are always refitted and never counted, shape (n, b).
+        Terms that are always fitted and never counted, shape (n, b).
     columns
         The library, shape (n, terms).
     rows
-        What they are columns of.
+        The rows to which the columns belong.
 
     Raises
     ------
     UsageError
-        Where pysindy is not installed.
+        If pysindy is not installed.
     """
     fold = folds_of(rows.step)
     table = np.column_stack([baseline, columns, rows.residual_v / rows.noise_v])
@@ -75,9 +75,9 @@ def sparse(baseline: FloatArray, columns: FloatArray, rows: Rows) -> Sparse:
 
 
 class _Fit:
-    """Thresholded least squares on rows given by triangular factors, the baseline solved exactly.
+    """Thresholded least squares on rows given as triangular factors; the baseline is solved exactly.
 
-    `scale` is the rms of each column of the library once the baseline is projected out.
+    `scale` is the rms of each column of the library after the baseline is projected out.
     """
 
     def __init__(self, factors: FloatArray, split: int, rows: int) -> None:
@@ -89,7 +89,7 @@ class _Fit:
         self.scale = np.where(rms > _DISTINCT * raw, rms, np.inf)
 
     def coefficients(self, threshold: float) -> FloatArray:
-        """Of the baseline and of the library, shape (b + terms,)."""
+        """Return the coefficients of the baseline and of the library, shape (b + terms,)."""
         scaled = _fitted(self._rest[:, :-1] / self.scale, self._rest[:, -1], threshold)
         chosen = scaled / self.scale
         right = self._top[:, -1] - self._top[:, self._split : -1] @ chosen
@@ -97,7 +97,7 @@ class _Fit:
 
 
 def folds_of(step: IntArray) -> IntArray:
-    """The fold of each row: whole steps, dealt out from the longest to the shortest, so that folds are alike."""
+    """Return the fold of each row: complete steps, dealt out by decreasing length so that folds are similar."""
     lengths = np.bincount(step)
     fold = np.empty(lengths.size, np.int64)
     fold[np.argsort(-lengths, kind="stable")] = np.arange(lengths.size) % FOLDS
@@ -109,7 +109,7 @@ def _triangle(table: FloatArray) -> FloatArray:
 
 
 def _one_standard_error(losses: FloatArray) -> int:
-    """The largest threshold whose mean loss lies within one standard error of the least; losses (thresholds, folds)."""
+    """Return the index of the largest threshold within one standard error of the least loss (thresholds, folds)."""
     means = losses.mean(axis=1)
     best = int(means.argmin())
     error = losses[best].std(ddof=1) / np.sqrt(losses.shape[1])
@@ -119,7 +119,7 @@ def _one_standard_error(losses: FloatArray) -> int:
 def _fitted(columns: FloatArray, target: FloatArray, threshold: float) -> FloatArray:
     optimizer: Any = _stlsq()(threshold=threshold, alpha=_RIDGE, max_iter=50)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that all terms went, or that it did not settle: both are then what it says
+        warnings.simplefilter("ignore")  # all terms dropped, or no convergence: both are valid answers
         optimizer.fit(columns, target[:, None])
     return np.asarray(optimizer.coef_, dtype=np.float64).ravel()
 

@@ -1,4 +1,4 @@
-"""From results to the report: what is printed, in which order, under which numbers."""
+"""Build the acceptance report from the results: its contents, order and section numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LONGEST_NAME = 120
 
 
 def report_of(acceptance: Acceptance, facts: RecordingFacts, language: str) -> Report:
-    """The report in one language; raises `UsageError` where it is not written in it."""
+    """Return the report in one language; raises `UsageError` for an unsupported language."""
     words = catalogue(language)
     serial = cut(facts.meta.unit.serial, _LONGEST_NAME)
     infos = {info.index: info for info in facts.infos}
@@ -54,7 +54,7 @@ def report_of(acceptance: Acceptance, facts: RecordingFacts, language: str) -> R
 
 
 def tally(acceptance: Acceptance, words: Catalogue) -> str:
-    """How many tests there are of each verdict, in a sentence."""
+    """Return a sentence with the number of tests of each verdict."""
     verdicts = Counter(one.verdict for one in acceptance.judged)
     free = [one for one in acceptance.judged if one.verdict is None]
     refused = sum(one.measured.value is None for one in free)
@@ -70,7 +70,7 @@ def tally(acceptance: Acceptance, words: Catalogue) -> str:
 
 
 def _named(one: Judged, words: Catalogue) -> str:
-    """A test's name with its unit, as a passport has it; without one where nothing is given in it."""
+    """Return a test's name with its unit; without the unit if it is dimensionless."""
     unit = words.unit(one.measured.unit)
     name = words.test(one.measured.name).name
     return f"{name}, {unit}" if unit else name
@@ -96,8 +96,8 @@ def _without_limit(free: Sequence[Judged], words: Catalogue) -> Table:
 
 
 def _defined(one: Judged, words: Catalogue) -> str:
-    told = words.test(one.measured.name)
-    return " ".join([f"{told.definition} {told.formula}.", *(words.said(note) for note in one.measured.notes)])
+    test = words.test(one.measured.name)
+    return " ".join([f"{test.definition} {test.formula}.", *(words.said(note) for note in one.measured.notes)])
 
 
 def _not_measured(refused: Sequence[Judged], words: Catalogue) -> Table:

@@ -1,7 +1,7 @@
-"""The words of the acceptance report in each of its languages, from `en.toml` and `ru.toml`, which have the same keys.
+"""The texts of the acceptance report in each language, from `en.toml` and `ru.toml`, which have the same keys.
 
-Whoever measures names what is said by keys (`benchctl.metrology.result`); here the keys become sentences. A key that a
-catalogue lacks is shown as it is, its underscores as spaces: a report with one plain word is better than none.
+The tests name their messages by keys (`benchctl.metrology.result`); this module converts keys to sentences. A key that
+is missing from a catalogue is printed with spaces for its underscores.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _PLACEHOLDER = re.compile(r"\\\{(\w+)\\\}")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestWords:
-    """A test in words: what it is called, which definition of it is meant, and the formula of that."""
+    """A test's name, the definition that it follows, and the formula of that definition."""
 
     name: str
     definition: str
@@ -39,35 +39,35 @@ class TestWords:
 
 @dataclass(frozen=True, slots=True)
 class Catalogue:
-    """One language; `tables` is its file."""
+    """The texts of one language; `tables` is the content of its file."""
 
     language: Language
     tables: Mapping[str, Any]
 
     def said(self, sentence: Message) -> str:
-        """A sentence with its numbers."""
-        told = {name: self._filled(name, value) for name, value in sentence.values.items()}
-        return str(self.tables["said"][sentence.key].format_map(told))
+        """Return the sentence of a message with its numbers."""
+        values = {name: self._filled(name, value) for name, value in sentence.values.items()}
+        return str(self.tables["said"][sentence.key].format_map(values))
 
     def test(self, name: str) -> TestWords:
-        """A test by the name of its result."""
-        told = self.tables["tests"].get(name, {})
+        """Return the texts of a test by the name of its result."""
+        texts = self.tables["tests"].get(name, {})
         return TestWords(
-            name=told.get("name", _spelt(name)),
-            definition=told.get("definition", ""),
-            formula=told.get("formula", ""),
+            name=texts.get("name", _spelt(name)),
+            definition=texts.get("definition", ""),
+            formula=texts.get("formula", ""),
         )
 
     def label(self, key: str, **values: str) -> str:
-        """A heading or another fixed part of the report."""
+        """Return a heading or another fixed text of the report."""
         return str(self.tables["labels"][key].format_map(values))
 
     def word(self, key: str, table: str = "words") -> str:
-        """What a table of the catalogue calls a key: a column, an axis, a role, a kind of step, a source."""
+        """Return the word for a key of a table: a column, an axis, a role, a kind of step, a source."""
         return str(self.tables[table].get(key, _spelt(key)))
 
     def phrase(self, told: str) -> str:
-        """A phrase that measuring brings in English, numbers in it, in this language where the catalogue has it."""
+        """Translate an English phrase with numbers from a measurement, if the catalogue contains it."""
         for key, english in catalogue("en").tables["phrases"].items():
             pattern = _PLACEHOLDER.sub(r"(?P<\1>.+)", re.escape(english))
             if found := re.fullmatch(pattern, told):
@@ -76,7 +76,7 @@ class Catalogue:
         return told
 
     def stage(self, told: str) -> str:
-        """A stage of testing, which may be stated in any of the languages, or in words of the customer's own."""
+        """Return the name of a test stage, given in any of the languages; other text is returned unchanged."""
         for language in LANGUAGES:
             for key, word in catalogue(language).tables["stages"].items():
                 if told.strip().casefold() in (key, _spelt(key), word.casefold()):
@@ -84,18 +84,18 @@ class Catalogue:
         return told
 
     def unit(self, unit: str) -> str:
-        """A unit as the field prints it: `deg/sqrt(h)` becomes °/√h, or °/√ч; `1` nothing."""
+        """Return a printed unit: `deg/sqrt(h)` becomes °/√h, or °/√ч; `1` nothing."""
         if unit == "1":
             return ""
         rooted = re.sub(r"sqrt\((\w+)\)", r"√\1", unit)
         return re.sub(r"[A-Za-z]+", lambda found: self.word(found[0], "units"), rooted)
 
     def number(self, formatted: str) -> str:
-        """A number that `benchctl.reports.text` has formatted, with this language's decimal sign."""
+        """Replace the decimal point of a number formatted by `benchctl.reports.text` by this language's sign."""
         return _POINT.sub(self.tables["decimal"], formatted)
 
     def _told(self, value: str) -> str:
-        """What fills a phrase: a number, a phrase, or whatever it is."""
+        """Return the text for a phrase's placeholder: a number, a phrase, or the value unchanged."""
         return self.number(value) if _NUMBER.fullmatch(value) else self.phrase(value)
 
     def _filled(self, name: str, value: float | str) -> str:
@@ -108,7 +108,7 @@ class Catalogue:
 
 
 def short(value: float) -> str:
-    """A number within a sentence: three digits, none of them a zero after the decimal sign."""
+    """Format a number within a sentence: three digits, without trailing zeros after the decimal sign."""
     if not 1e-3 <= abs(value) < 1e6:
         return text.number(value, _DIGITS) if value else "0"
     return text.plain(value, "", max(0, _DIGITS - 1 - math.floor(math.log10(abs(value)))))
@@ -116,7 +116,7 @@ def short(value: float) -> str:
 
 @cache
 def catalogue(language: str) -> Catalogue:
-    """The words of one language; raises `UsageError` where the report is not written in it."""
+    """Load the texts of one language; raises `UsageError` for an unsupported language."""
     if language not in LANGUAGES:
         raise UsageError(f"--lang {language}: the report is written in {' or '.join(LANGUAGES)}; name one of them")
     file = files("benchctl.reports.acceptance").joinpath(f"{language}.toml")
@@ -132,13 +132,13 @@ _BOUNDS = {"": "", "at least": "≥\u00a0", "at most": "≤\u00a0"}
 _LIMIT_DIGITS = 10
 _COLUMN_DIGITS = 6
 _ROUNDING = 1e-9
-"""Of a column's largest: what is smaller is zero but for the computer's rounding."""
+"""Relative to the largest value of a column: smaller values are rounding errors, that is, zero."""
 _WIDEST_SPAN = 1e5
-"""Of a column, largest over smallest: beyond, each number has its own power of ten."""
+"""Largest over smallest value of a column; above this ratio each number has its own power of ten."""
 
 
 def stated(measured: Measured, words: Catalogue, *, unit: bool = True) -> str:
-    """`50.012 ± 0.034 mV/(°/s)`; a bound has its sign before it; what was not measured is a dash."""
+    """Format as `50.012 ± 0.034 mV/(°/s)`; a bound is preceded by its sign; a missing value is a dash."""
     if measured.value is None or not math.isfinite(measured.value):
         return text.NOT_KNOWN
     expanded = measured.uncertainty.expanded if measured.uncertainty else None
@@ -146,12 +146,12 @@ def stated(measured: Measured, words: Catalogue, *, unit: bool = True) -> str:
     if measured.bound and not expanded:
         bare = words.number(f"{measured.value:.4g}".replace("-", "−"))
         return _BOUNDS[measured.bound] + text.with_unit(bare, printed).replace(" ", _NO_BREAK)
-    told = _BOUNDS[measured.bound] + words.number(text.with_uncertainty(measured.value, expanded, printed))
-    return told.replace(" ", _NO_BREAK)
+    formatted = _BOUNDS[measured.bound] + words.number(text.with_uncertainty(measured.value, expanded, printed))
+    return formatted.replace(" ", _NO_BREAK)
 
 
 def limits(limit: Limit | None, words: Catalogue, *, unit: bool = True) -> str:
-    """`49.5 to 50.5 mV/(°/s)`, `≤ 300 ppm`, or a dash."""
+    """Format as `49.5 to 50.5 mV/(°/s)`, `≤ 300 ppm`, or a dash."""
     if limit is None or (limit.low is None and limit.high is None):
         return text.NOT_KNOWN
     low, high = (None if end is None else exact(end, words) for end in (limit.low, limit.high))
@@ -163,34 +163,34 @@ def limits(limit: Limit | None, words: Catalogue, *, unit: bool = True) -> str:
 
 
 def verdict_of(judged: Judged, words: Catalogue) -> str:
-    """A verdict in words; without a limit that, or that there is no value either."""
+    """Return the verdict in words; without a limit, whether the value is only stated or missing."""
     if judged.verdict is not None:
         return words.word(judged.verdict, "verdicts")
     return words.word("refused" if judged.measured.value is None else "none", "verdicts")
 
 
 def exact(value: float, words: Catalogue) -> str:
-    """A number that somebody wrote, with all its digits."""
+    """Format a number that was entered by a person, with all its digits."""
     return words.number(text.raised(f"{value:.{_LIMIT_DIGITS}g}").replace("-", "−"))
 
 
 def significant(value: float, words: Catalogue, digits: int = 3) -> str:
-    """A number to so many digits."""
+    """Format a number to `digits` significant digits."""
     return words.number(text.number(value, digits))
 
 
 def duration(seconds: float, words: Catalogue) -> str:
-    """`32 h 14 min`, `3 min 20 s`, `12 s`."""
-    whole = round(seconds)
-    if whole >= 3600:
-        return words.label("hours_minutes", hours=str(whole // 3600), minutes=f"{whole % 3600 // 60:02d}")
-    if whole >= 60:
-        return words.label("minutes_seconds", minutes=str(whole // 60), seconds=f"{whole % 60:02d}")
-    return words.label("seconds", seconds=str(whole))
+    """Format a duration: `32 h 14 min`, `3 min 20 s`, `12 s`."""
+    rounded = round(seconds)
+    if rounded >= 3600:
+        return words.label("hours_minutes", hours=str(rounded // 3600), minutes=f"{rounded % 3600 // 60:02d}")
+    if rounded >= 60:
+        return words.label("minutes_seconds", minutes=str(rounded // 60), seconds=f"{rounded % 60:02d}")
+    return words.label("seconds", seconds=str(rounded))
 
 
 def column(values: Sequence[float], words: Catalogue) -> list[str]:
-    """A column of numbers with their decimal signs under each other, six digits of the largest at most."""
+    """Format a column of numbers with aligned decimal signs, with at most six digits of the largest."""
     sizes = [abs(value) for value in values if math.isfinite(value)]
     largest = max(sizes, default=0.0) or 1.0
     smallest = min((size for size in sizes if size > _ROUNDING * largest), default=1.0)

@@ -1,4 +1,4 @@
-"""The acceptance report as plain texts and tables in one language: what the page and the PDF both print."""
+"""The content of the acceptance report as texts and tables in one language, common to the page and the PDF."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ Row = tuple[str, str]
 """A name and its value."""
 
 TESTS_SECTION = 3
-"""The number of the section whose parts are the tests that have a limit."""
+"""The number of the section that contains the tests with a limit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Badge:
-    """A verdict as it is printed; `kind` is PASS, FAIL or INCONCLUSIVE, or empty where nothing is judged."""
+    """A printed verdict; `kind` is PASS, FAIL or INCONCLUSIVE, or empty without a judgement."""
 
     text: str
     kind: str
@@ -26,7 +26,7 @@ class Badge:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """A table; `numeric` says of each column whether it holds numbers."""
+    """A table; `numeric` states for each column whether it contains numbers."""
 
     headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -35,7 +35,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SummaryRow:
-    """A test in the summary; `section` is the number of its section, `anchor` where that is."""
+    """A test in the summary; `section` is the number of its section, `anchor` the target of the link."""
 
     test: str
     value: str
@@ -47,7 +47,7 @@ class SummaryRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EquipmentRow:
-    """An instrument; `expired`: its certificate had ended when the recording was made."""
+    """An instrument; `expired`: its certificate was no longer valid at the time of the recording."""
 
     role: str
     model: str
@@ -59,7 +59,7 @@ class EquipmentRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """The uncertainty of a result: its contributors, how they combine, what stands out, how U was chosen."""
+    """The uncertainty of a result: contributors, combination, largest contribution and coverage factor."""
 
     contributors: Table
     totals: tuple[Row, ...]
@@ -77,7 +77,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """One test in full; `refused` says why it has no value."""
+    """The section of one test; `refused` is the reason for a missing value."""
 
     number: str
     anchor: str
@@ -97,7 +97,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """The whole report, in its order; a table without rows is left out."""
+    """The complete report, in the order of its sections; a table without rows is omitted."""
 
     language: str
     title: str
@@ -123,13 +123,13 @@ class Report:
 
     @property
     def numbers(self) -> Mapping[str, int]:
-        """The numbers of the sections after that of the tests; one that is left out has none."""
-        there = {
+        """The numbers of the sections after that of the tests; omitted sections have none."""
+        present = {
             "without_limit": bool(self.without_limit.rows),
             "not_measured": bool(self.not_measured.rows),
             "anomalies": True,
             "coefficients": bool(self.coefficients),
             "signatures": True,
         }
-        names = [name for name, is_there in there.items() if is_there]
+        names = [name for name, is_present in present.items() if is_present]
         return {name: place for place, name in enumerate(names, start=TESTS_SECTION + 1)}

@@ -15,7 +15,7 @@ _TOTALS_MM = 20.0
 
 
 def pdf(report: Report) -> bytes:
-    """The document; the same report gives the same bytes."""
+    """Return the document; the same report gives the same bytes."""
     words = catalogue(report.language)
     sheet = Sheet(
         language=report.language,
@@ -91,13 +91,13 @@ def _test(sheet: Sheet, test: Section, words: Catalogue, link: int) -> None:
         fill=False,
     )
     sheet.bullets(test.notes)
-    told = (("why_refused", test.refused), ("remedy", test.remedy))
-    sheet.rows([*((words.label(name), says) for name, says in told if says), *test.conditions])
+    reasons = (("why_refused", test.refused), ("remedy", test.remedy))
+    sheet.rows([*((words.label(name), reason) for name, reason in reasons if reason), *test.conditions])
     picture_first = test.picture is None or sheet.has_room_for(test.picture.png)
     if picture_first:
         _picture(sheet, test.picture)
     _budget(sheet, test.budget, words)
-    if not picture_first:  # rather than leave the rest of the page white
+    if not picture_first:  # rather than leave the rest of the page blank
         _picture(sheet, test.picture)
     if test.points:
         sheet.heading(words.label("points"), level=4, needs_mm=38.0)
@@ -129,11 +129,11 @@ def _budget(sheet: Sheet, budget: Budget | None, words: Catalogue) -> None:
 
 def _rest(sheet: Sheet, report: Report, words: Catalogue) -> None:
     numbers = report.numbers
-    for name, told in (("without_limit", report.without_limit), ("not_measured", report.not_measured)):
-        if told.rows:
+    for name, table in (("without_limit", report.without_limit), ("not_measured", report.not_measured)):
+        if table.rows:
             sheet.heading(f"{numbers[name]} {words.label(name)}")
             sheet.text_block(words.label(f"{name}_says"))
-            _table(sheet, told)
+            _table(sheet, table)
     sheet.heading(f"{numbers['anomalies']} {words.label('anomalies')}")
     for name, sentences, none in (
         ("anomalies_heading", report.anomalies, "none_found"),

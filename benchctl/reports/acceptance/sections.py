@@ -1,4 +1,4 @@
-"""A test in full: definition, conditions, points, picture, result, uncertainty budget, verdict and its remedy."""
+"""The section of one test: definition, conditions, points, picture, result, uncertainty budget, verdict, remedy."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ _MARKERS = ("o", "s", "^", "D", "v", "P")
 _DASHES = ("-", "--", "-.", ":")
 _HEIGHT_IN, _HEIGHT_WITH_LEFT_IN = 2.3, 3.1
 _MANY = 120
-"""Dots, beyond which each becomes small."""
+"""Number of dots above which small dots are drawn."""
 _DPI = 250
 _LONGEST_UPRIGHT, _LONGEST_BELOW = 26, 14
 
 
 def drawn(picture: Picture, name: str, words: Catalogue) -> document.Picture:
-    """The picture for page and PDF, its words in the catalogue's language; `name` makes its ids unique."""
+    """Return the picture for page and PDF in the catalogue's language; `name` makes its ids unique."""
     x, y = words.word(picture.x), words.word(picture.y)
     caption = words.label("picture", x=x, y=y)
     if picture.left:
@@ -50,14 +50,14 @@ def drawn(picture: Picture, name: str, words: Catalogue) -> document.Picture:
     with style():
         figure = picture_figure(picture, words)
         svg = inline_svg(figure, name)
-        figure.set_layout_engine("none")  # it has found its places once
+        figure.set_layout_engine("none")  # the layout is already computed
         pixels = io.BytesIO()
         figure.savefig(pixels, format="png", dpi=_DPI, metadata={"Software": None})
     return document.Picture(drawing=Drawing(svg=svg, alt=caption, caption=caption), png=pixels.getvalue())
 
 
 def picture_figure(picture: Picture, words: Catalogue) -> Figure:
-    """The traces over the picture's axis; both axes logarithmic where asked for, y only where all of it is positive."""
+    """Plot the traces; both axes are logarithmic if requested, y only if all values are positive."""
     figure = new_figure(_HEIGHT_WITH_LEFT_IN if picture.left else _HEIGHT_IN)
     axes: list[Axes] = list(
         np.atleast_1d(figure.subplots(2, 1, sharex=True, height_ratios=(5, 3))) if picture.left else [figure.subplots()]
@@ -83,14 +83,14 @@ def picture_figure(picture: Picture, words: Catalogue) -> Figure:
 
 
 class _Numbers(ScalarFormatter):
-    """Numbers at an axis with the decimal sign of a language."""
+    """An axis formatter with the decimal sign of a language."""
 
     def __init__(self, words: Catalogue) -> None:
         super().__init__(useMathText=True)
         self._words = words
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        return self._words.number(super().__call__(x, pos)).replace(",", "{,}")  # no space after it
+        return self._words.number(super().__call__(x, pos)).replace(",", "{,}")  # without the space that TeX adds
 
 
 def _say_numbers(axes: Axes, words: Catalogue) -> None:
@@ -120,38 +120,38 @@ def _axis(key: str, unit: str, words: Catalogue) -> str:
 
 
 def _upright(told: str, longest: int) -> str:
-    """A name beside an axis, its unit on a line of its own where both have more letters than the axis has room for."""
+    """Return an axis title, with the unit on a second line if it is longer than `longest`."""
     name, comma, unit = told.rpartition(", ")
     return f"{name},\n{unit}" if comma and len(told) > longest else told
 
 
 _MOST_STEPS_TOLD = 24
-"""Steps of a test that are told one by one with the beginning of their digest; more are told as spans."""
+"""Number of steps of a test that are listed individually with the start of their digest; more are listed as ranges."""
 _SHORT_DIGEST = 8
 _MOST_DOF = 1000.0
 _WELL_KNOWN_SHARE = 0.8
-"""Of the variance: a contributor with more is named alone."""
+"""Share of the variance above which only the largest contributor is named."""
 
 
 def section(
     judged: Judged, number: str, acceptance: Acceptance, infos: Mapping[int, StepInfo], words: Catalogue
 ) -> Section:
-    """The section of one test."""
-    measured, told = judged.measured, words.test(judged.measured.name)
+    """Return the section of one test."""
+    measured, texts = judged.measured, words.test(judged.measured.name)
     uncertainty = measured.uncertainty
     notes = measured.notes
-    if uncertainty is not None and not uncertainty.contributors:  # a bound: nothing adds up to it
+    if uncertainty is not None and not uncertainty.contributors:  # a bound: it has no contributors
         notes, uncertainty = (*notes, uncertainty.says), None
     return Section(
         number=number,
         anchor=anchor(number),
-        name=told.name,
+        name=texts.name,
         verdict=badge(judged, words),
         result=_result(judged, words),
         refused=words.said(measured.refused) if measured.refused else "",
         remedy=words.said(judged.remedy) if judged.remedy else "",
-        definition=told.definition,
-        formula=told.formula,
+        definition=texts.definition,
+        formula=texts.formula,
         conditions=_conditions(measured, acceptance.step_digests, infos, words),
         notes=tuple(words.said(note) for note in notes),
         points=_points(measured.table, words) if measured.table else None,
@@ -161,12 +161,12 @@ def section(
 
 
 def anchor(number: str) -> str:
-    """The id, in the page, of the section of this number."""
+    """Return the id of a section in the page."""
     return f"test-{number.replace('.', '-')}"
 
 
 def badge(judged: Judged, words: Catalogue) -> Badge:
-    """The verdict on a test."""
+    """Return the verdict on a test."""
     return Badge(text=verdict_of(judged, words), kind=judged.verdict or "")
 
 
@@ -190,8 +190,8 @@ def _conditions(
         rows.append((words.label("temperature"), text.with_unit(celsius, "°C")))
     if used:
         length_s = math.fsum(info.t_end - info.t_start for info in used)
-        told = [*_groups(used, words), words.label("recorded_for", duration=duration(length_s, words))]
-        rows.append((words.label("conditions"), "; ".join(told)))
+        described = [*_groups(used, words), words.label("recorded_for", duration=duration(length_s, words))]
+        rows.append((words.label("conditions"), "; ".join(described)))
     if measured.steps:
         many = len(measured.steps) > _MOST_STEPS_TOLD
         listed = _spans(measured.steps) if many else ", ".join(_with_digest(one, digests) for one in measured.steps)
@@ -200,7 +200,7 @@ def _conditions(
 
 
 def _groups(used: Sequence[StepInfo], words: Catalogue) -> list[str]:
-    """Steps by their kind: how many, at which rates and frequencies."""
+    """Describe steps by their kind: number, rates and frequencies."""
     kinds: dict[str, list[StepInfo]] = {}
     for info in used:
         kinds.setdefault(info.kind, []).append(info)
@@ -209,13 +209,13 @@ def _groups(used: Sequence[StepInfo], words: Catalogue) -> list[str]:
 
 def _group(kind: str, members: Sequence[StepInfo], words: Catalogue) -> str:
     rates = [info.amplitude_dps or info.rate_dps for info in members]
-    told = words.label("group", kind=kind, count=str(len(members)))
+    described = words.label("group", kind=kind, count=str(len(members)))
     if any(rates):
-        told = words.label("group_rates", kind=kind, count=str(len(members)), rates=_span(rates, words))
+        described = words.label("group_rates", kind=kind, count=str(len(members)), rates=_span(rates, words))
     frequencies = [info.frequency_hz for info in members]
     if any(frequencies):
-        told += ", " + words.label("group_frequencies", frequencies=_span(frequencies, words))
-    return told
+        described += ", " + words.label("group_frequencies", frequencies=_span(frequencies, words))
+    return described
 
 
 def _span(values: Sequence[float | None], words: Catalogue) -> str:
@@ -230,7 +230,7 @@ def _with_digest(index: int, digests: Mapping[int, str]) -> str:
 
 
 def _spans(indices: Sequence[int]) -> str:
-    """`3–7, 9, 11–12`."""
+    """Format indices as `3–7, 9, 11–12`."""
     spans: list[list[int]] = []
     for index in sorted(indices):
         if spans and index == spans[-1][1] + 1:
@@ -286,13 +286,13 @@ def _budget(uncertainty: Uncertainty, unit: str, words: Catalogue) -> Budget:
 
 
 def _by_gum(dof: float, words: Catalogue) -> str:
-    """The coverage factor by the degrees of freedom; from a thousand on these are as good as infinite."""
-    told = significant(dof, words, 2) if dof < _MOST_DOF else words.label("unlimited")
-    return words.label("k_combined", k=significant(coverage_factor(dof), words), dof=told)
+    """Return the coverage factor by the degrees of freedom; from a thousand on these are printed as infinite."""
+    dof_text = significant(dof, words, 2) if dof < _MOST_DOF else words.label("unlimited")
+    return words.label("k_combined", k=significant(coverage_factor(dof), words), dof=dof_text)
 
 
 def _largest(contributors: Sequence[Contribution], shares: Sequence[float], words: Catalogue) -> str:
-    """The largest contribution in words; with the second, unless the first is nearly all."""
+    """Name the largest contribution, and the second unless the first exceeds `_WELL_KNOWN_SHARE`."""
     if not any(shares):
         return ""
     names = [words.word(part.source, "sources") for part in contributors]

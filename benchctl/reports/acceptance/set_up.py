@@ -1,4 +1,4 @@
-"""What was tested, with what, where and by whom: the recording's facts, and rows of the report made from them."""
+"""The facts of a recording for the acceptance report (unit, bench, place, operator), as rows."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _BEFORE_ANY = datetime(2000, 1, 1, tzinfo=UTC)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingFacts:
-    """The recording that was judged, what was done otherwise than asked, and the coefficients that go with it.
+    """The recording that was judged, deviations from the request, and the coefficients that belong to it.
 
-    `digest` is the recording's SHA-256, or of an import those of its sources; `deviations` are sentences.
+    `digest` is the recording's SHA-256, or those of the source files of an import; `deviations` are sentences.
     """
 
     path: Path
@@ -42,21 +42,21 @@ class RecordingFacts:
 
     @property
     def name(self) -> str:
-        """The recording's name, without its way."""
+        """The recording's name, without its path."""
         return name_of(self.path)
 
     @property
     def started(self) -> datetime:
-        """When the recording was begun, UTC; 1 January 2000 where it does not say."""
+        """The start of the recording, UTC; 1 January 2000 if it is not stated."""
         try:
-            told = datetime.fromisoformat(self.meta.provenance.get("started_utc", ""))
+            start = datetime.fromisoformat(self.meta.provenance.get("started_utc", ""))
         except ValueError:
             return _BEFORE_ANY
-        return told.astimezone(UTC) if told.tzinfo else told.replace(tzinfo=UTC)
+        return start.astimezone(UTC) if start.tzinfo else start.replace(tzinfo=UTC)
 
 
 def facts_of(recording: Recording) -> RecordingFacts:
-    """The facts of an open recording; raises `UsageError` where an import's sources cannot be read."""
+    """Return the facts of an open recording; raises `UsageError` if an import's list of sources is invalid."""
     return RecordingFacts(
         path=recording.path,
         meta=recording.meta,
@@ -67,13 +67,13 @@ def facts_of(recording: Recording) -> RecordingFacts:
 
 _JUDGED_WITH = ("benchctl", "python", "numpy", "scipy")
 _NOT_STATED = "not stated"
-"""What `setup_section` says of a certificate's date that nobody gave."""
+"""The text of `setup_section` for a missing date of a certificate."""
 
 
 def header(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> tuple[Row, ...]:
-    """Customer, unit, standard, stage, recording, operator; what is not known is left out."""
+    """Return customer, unit, standard, stage, recording and operator; unknown values are left out."""
     meta, papers = facts.meta, acceptance.papers
-    told = meta.provenance
+    provenance = meta.provenance
     firmware = papers.firmware or next(
         (one.firmware for one in setup_section.instruments(meta) if one.role == "gyro"), text.NOT_KNOWN
     )
@@ -85,18 +85,18 @@ def header(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> t
         ("rated_range", _plus_minus(meta.unit.range_dps, "deg/s", words)),
         ("standard", papers.standard),
         ("stage", words.stage(papers.stage)),
-        ("recorded", _utc(told.get("started_utc", ""))),
+        ("recorded", _utc(provenance.get("started_utc", ""))),
         ("recording", facts.name),
-        ("procedure", told.get("procedure", "")),
+        ("procedure", provenance.get("procedure", "")),
         ("limits_file", acceptance.limits_name),
-        ("bench", told.get("bench", "")),
-        ("operator", told.get("operator", "")),
+        ("bench", provenance.get("bench", "")),
+        ("operator", provenance.get("operator", "")),
     )
     return _stated(rows, words)
 
 
 def equipment(meta: Meta, words: Catalogue) -> tuple[EquipmentRow, ...]:
-    """The instruments of the bench, those first whose certificate had expired marked."""
+    """Return the instruments of the bench; those with an expired certificate are marked."""
     ended = {one.role.replace("_", " ") for one in expired_of(meta)}
     return tuple(
         EquipmentRow(
@@ -112,7 +112,7 @@ def equipment(meta: Meta, words: Catalogue) -> tuple[EquipmentRow, ...]:
 
 
 def environment(facts: RecordingFacts, words: Catalogue) -> tuple[Row, ...]:
-    """Temperatures, place, mounting and signs, and how it was sampled."""
+    """Return temperatures, place, mounting, sign conventions and sampling."""
     meta, infos = facts.meta, facts.infos
     bench = meta.bench
     length_s = max(i.t_end for i in infos) - min(i.t_start for i in infos) if infos else 0.0
@@ -131,7 +131,7 @@ def environment(facts: RecordingFacts, words: Catalogue) -> tuple[Row, ...]:
 
 
 def traceability(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> tuple[Row, ...]:
-    """Digests of all that the report comes from, and the versions of the programs."""
+    """Return the digests of all inputs of the report, and the versions of the programs."""
     rows = (
         (words.label("recording_sha256"), facts.digest),
         (words.label("limits_sha256", file=acceptance.limits_name), acceptance.limits_sha256),
@@ -143,7 +143,7 @@ def traceability(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue
 
 
 def step_table(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> Table:
-    """Every step of the recording with its whole digest."""
+    """Return all steps of the recording with their complete digests."""
     return Table(
         headings=(*(words.label(key) for key in ("step_number", "step_name", "step_kind")), "SHA-256"),
         rows=tuple(
@@ -160,7 +160,7 @@ def step_table(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) 
 
 
 def deviations(facts: RecordingFacts, words: Catalogue) -> tuple[str, ...]:
-    """Where the recording is not what the procedure asked for, and what the operator states."""
+    """Return the deviations of the recording from the procedure, and those that the operator states."""
     found = []
     for info in facts.infos:
         step = f"{info.index} ({info.name})"
@@ -199,7 +199,7 @@ def _mounting(meta: Meta, infos: Iterable[StepInfo], words: Catalogue) -> Iterat
 
 
 def _bench(meta: Meta) -> Bench | None:
-    """The bench.toml that a recording keeps; None where there is none, or none that this version reads."""
+    """Return the bench.toml stored in a recording; None if there is none that this version can read."""
     try:
         return bench_of_text(meta.provenance.get("bench_toml", ""), "bench.toml")
     except UsageError:
@@ -242,7 +242,7 @@ def _versions(told: Mapping[str, object]) -> str:
 
 
 def _table(told: str) -> Mapping[str, object]:
-    """A table that the provenance keeps as JSON; empty where it is none."""
+    """Return a table that the provenance stores as JSON; empty if it is not one."""
     try:
         found = json_document(told, "provenance") if told else {}
     except UsageError:

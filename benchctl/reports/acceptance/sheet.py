@@ -1,6 +1,6 @@
-"""Sheets of A4 that the report is printed on: head and foot of each page, headings, text, tables, pictures.
+"""The A4 pages of the PDF report: header and footer of each page, headings, text, tables, pictures.
 
-The fonts are DejaVu Sans, which matplotlib brings: Cyrillic, and the letters of formulas.
+The fonts are DejaVu Sans, which matplotlib contains: they include Cyrillic and the letters of formulas.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ _LEADING = 1.38
 _MM_PER_PT = 25.4 / 72.0
 _CELL_PADDING_MM = (0.55, 1.8, 0.55, 0.8)
 _WIDEST_SHARE = 0.5
-"""Of a table's width: no column asks for more, however long its text."""
+"""Upper bound of a column's minimum width relative to the page, however long its words."""
 _NARROW_SHARE = 0.22
-"""Of a table's width: columns that need no more are not narrowed."""
+"""Columns up to this width relative to the page are not narrowed."""
 _HEADING_NEEDS_MM = 34.0
-"""A heading stands on a page only with so much room for what follows it."""
+"""Minimum space for a heading and its content; otherwise the heading starts a new page."""
 _MONO_PT, _MONO_ADVANCE = 6.0, 0.602
 _MONO = FontFace(family="mono", size_pt=_MONO_PT)
 _CAPTION_MM = 9.0
 _FEWEST_FOLDED, _FEWEST_ROWS, _GUTTER_MM = 13, 4, 7.0
 _SPACES = " \u00a0\u202f"
 _LONGEST_VALUE, _LONGEST_CELL, _LONGEST_HEAD = 3000, 600, 200
-"""Characters of what somebody wrote: no row of a table is higher than a page."""
+"""Maximum numbers of characters of user text, so that no row of a table is higher than a page."""
 _UNKNOWN = "\ufffd"
 
 
 class Sheet(FPDF):
-    """A document of A4 pages; `head` are the texts at the left and the right of each page, `kind` colours the right."""
+    """A document of A4 pages; `head` are the header texts left and right, `kind` sets the right one's colour."""
 
     def __init__(
         self, *, language: str, title: str, head: tuple[str, str], kind: str, foot: Callable[..., str]
@@ -67,7 +67,7 @@ class Sheet(FPDF):
         self.set_creator("benchctl")
 
     def dated(self, created: datetime) -> None:
-        """State when the document was made: its bytes depend on it, and not on the clock."""
+        """Set the creation date, so that the bytes do not depend on the clock."""
         self.set_creation_date(created)
 
     def header(self) -> None:
@@ -91,7 +91,7 @@ class Sheet(FPDF):
         self.cell(0, 4.0, self._foot(page=str(self.page_no()), pages="{nb}"))
 
     def heading(self, words: str, level: int = 2, *, needs_mm: float = _HEADING_NEEDS_MM) -> None:
-        """A heading; on the next page where this one has too little room for what follows."""
+        """Print a heading, on a new page if there is not enough room for its content."""
         self.keep(needs_mm)
         size = {1: 15.0, 2: 11.5, 3: 9.5, 4: 8.0}[level]
         if self.get_y() > _TOP_MM + 1.0:
@@ -104,19 +104,19 @@ class Sheet(FPDF):
         self.ln(0.8)
 
     def keep(self, height_mm: float) -> None:
-        """Begin a page where this one has not so much room."""
+        """Begin a new page if this one has less room than `height_mm`."""
         if self.will_page_break(height_mm):
             self.add_page()
 
     def text_block(self, words: str, *, small: bool = False, grey: bool = False, bold: bool = False) -> None:
-        """A paragraph."""
+        """Print a paragraph."""
         size = _SMALL_PT if small else _BODY_PT
         self._ink(GREY if grey else INK, size, "B" if bold else "")
         self._block(words, size)
         self.ln(0.9)
 
     def bullets(self, sentences: Sequence[str]) -> None:
-        """A list of sentences."""
+        """Print a list of sentences."""
         for sentence in sentences:
             self._ink(INK, _BODY_PT)
             self.cell(4.0, _BODY_PT * _LEADING * _MM_PER_PT, "•")
@@ -124,7 +124,7 @@ class Sheet(FPDF):
         self.ln(0.8)
 
     def banner(self, words: str, kind: str) -> None:
-        """A sentence that must not be overlooked."""
+        """Print a sentence with a coloured bar at its left."""
         top = self.get_y()
         self.set_x(self.l_margin + 4.0)
         self._ink(INK, _BODY_PT, "B")
@@ -134,7 +134,7 @@ class Sheet(FPDF):
         self.ln(1.6)
 
     def chip(self, words: str, kind: str, beside: str) -> None:
-        """A verdict on its colour, and a sentence beside it."""
+        """Print a verdict on its colour, with a sentence to its right."""
         width = self._width(words, "B", 11.0) + 7.0
         self._ink((255, 255, 255), 11.0, "B")
         with self.local_context(fill_color=KIND_COLOURS[kind]):
@@ -145,7 +145,7 @@ class Sheet(FPDF):
         self.ln(1.6)
 
     def rows(self, rows: Sequence[tuple[str, str]], *, name_share: float = 0.27, mono: bool = False) -> None:
-        """Names and values beside each other."""
+        """Print names and values in two columns."""
         if not rows:
             return
         self._ink(INK, _BODY_PT)
@@ -179,16 +179,16 @@ class Sheet(FPDF):
         links: Sequence[int | None] = (),
         mono_last: bool = False,
     ) -> None:
-        """A table whose headings are repeated on each page that it reaches; `fill`: over the whole width.
+        """Print a table whose headings are repeated on each page; `fill`: it has the full width of the page.
 
-        `mono_last`: the last column is of digests, in letters of one width.
+        `mono_last`: the last column contains digests, printed in a monospaced font.
 
-        `looks` gives the face of a cell by its row and column; `links` the target of each row's last cell. Without
-        headings, none are printed.
+        `looks` returns the font of a cell by its row and column; `links` are the targets of each row's last cell.
+        Without headings, none are printed.
         """
         size = _SMALL_PT if small else _BODY_PT - 0.5
-        told = [*([headings] if headings else []), *rows]
-        widths = self._column_widths(told, size, fill=fill, mono_last=mono_last)
+        all_rows = [*([headings] if headings else []), *rows]
+        widths = self._column_widths(all_rows, size, fill=fill, mono_last=mono_last)
         self._ink(INK, size)
         self.set_draw_color(*RULE)
         self.set_line_width(0.15)
@@ -213,7 +213,7 @@ class Sheet(FPDF):
         self.ln(2.0)
 
     def folded(self, headings: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> None:
-        """A long narrow table in blocks beside each other, to be read block by block."""
+        """Print a long narrow table in several blocks across the page."""
         widths = self._column_widths([headings, *rows], _SMALL_PT, fill=False)
         blocks = 1 if len(rows) < _FEWEST_FOLDED else max(1, int((self.epw + _GUTTER_MM) / (sum(widths) + _GUTTER_MM)))
         row_mm = _SMALL_PT * _LEADING * _MM_PER_PT + _CELL_PADDING_MM[0] + _CELL_PADDING_MM[2]
@@ -228,11 +228,11 @@ class Sheet(FPDF):
             self._blocks(headings, [part[start : start + deep] for start in range(0, len(part), deep)], numeric)
 
     def has_room_for(self, png: bytes) -> bool:
-        """Whether a picture stands on this page, with its caption."""
+        """Return whether a picture and its caption fit on this page."""
         return not self.will_page_break(self._height(png) + _CAPTION_MM)
 
     def picture(self, png: bytes, caption: str) -> None:
-        """A picture over the whole width, with its caption on the same page."""
+        """Print a picture over the full width, with its caption on the same page."""
         if not self.has_room_for(png):
             self.add_page()
         self.image(io.BytesIO(png), w=self.epw, h=self._height(png), alt_text=printable(caption))
@@ -240,7 +240,7 @@ class Sheet(FPDF):
         self.text_block(caption, small=True, grey=True)
 
     def signature_lines(self, headings: Sequence[str], who: Sequence[str]) -> None:
-        """A line for each who signs."""
+        """Print a line for each signature."""
         widths = (0.31 * self.epw, 0.27 * self.epw, 0.24 * self.epw, 0.18 * self.epw)
         self._ink(GREY, _SMALL_PT)
         for heading, width in zip(headings, widths, strict=True):
@@ -257,7 +257,7 @@ class Sheet(FPDF):
             self.ln(6.0)
 
     def blank_line(self) -> None:
-        """A line to be written on by hand."""
+        """Print a blank line for handwriting."""
         self.ln(7.0)
         self._rule(RULE, 0.2)
 
@@ -268,7 +268,7 @@ class Sheet(FPDF):
     def _blocks(
         self, headings: Sequence[str], blocks: Sequence[Sequence[Sequence[str]]], numeric: Sequence[bool]
     ) -> None:
-        """Blocks of rows beside each other, the first the longest."""
+        """Print blocks of rows across the page, the first the longest."""
         empty = ("",) * len(headings)
         self.grid(
             _spaced([headings] * len(blocks)),
@@ -281,19 +281,19 @@ class Sheet(FPDF):
     def _column_widths(
         self, rows: Sequence[Sequence[str]], size: float, *, fill: bool, mono_last: bool = False
     ) -> list[float]:
-        """What each column needs to stand on one line; where that is too much, wide ones yield, words stay whole."""
+        """Return column widths for text on one line; if the sum is too large, wide columns wrap between words."""
         pad = _CELL_PADDING_MM[1] + _CELL_PADDING_MM[3] + 0.6
         columns = list(zip(*rows, strict=True))
-        whole = [max(self._width(cell, "B", size) for cell in column) + pad for column in columns]
+        natural = [max(self._width(cell, "B", size) for cell in column) + pad for column in columns]
         least = [
             max(self._width(word, "B", size) for cell in column for word in cell.split(" ")) + pad for column in columns
         ]
         if mono_last:
-            whole[-1] = least[-1] = max(map(len, columns[-1])) * _MONO_ADVANCE * _MONO_PT * _MM_PER_PT + pad
-        if sum(whole) > self.epw:
-            whole = _yielding(whole, [min(one, _WIDEST_SHARE * self.epw) for one in least], self.epw)
-        total = sum(whole)
-        return [self.epw * one / total for one in whole] if fill or total > self.epw else whole
+            natural[-1] = least[-1] = max(map(len, columns[-1])) * _MONO_ADVANCE * _MONO_PT * _MM_PER_PT + pad
+        if sum(natural) > self.epw:
+            natural = _yielding(natural, [min(one, _WIDEST_SHARE * self.epw) for one in least], self.epw)
+        total = sum(natural)
+        return [self.epw * one / total for one in natural] if fill or total > self.epw else natural
 
     def _block(self, words: str, size: float) -> None:
         height = size * _LEADING * _MM_PER_PT
@@ -314,7 +314,7 @@ class Sheet(FPDF):
         return float(self.get_string_width(printable(words)))
 
     def _fitted(self, words: str, width: float) -> str:
-        """A text cut to a width."""
+        """Truncate a text to a width."""
         shown = printable(cut(words, _LONGEST_HEAD))
         while shown and self.get_string_width(shown) > width:
             shown = shown[:-2] + "…"
@@ -322,9 +322,9 @@ class Sheet(FPDF):
 
 
 def _yielding(wanted: Sequence[float], least: Sequence[float], room: float) -> list[float]:
-    """Widths that share some room: narrow columns stay whole, wide ones yield, the wider the more, down to their least.
+    """Share the room among columns: narrow ones keep their width, wide ones are reduced, but not below `least`.
 
-    Long texts share by the roots of their lengths, so that a cell of many lines does not squeeze one of two.
+    Long texts share by the square roots of their lengths, so that a cell of many lines does not narrow a short one.
     """
     shared = [one if one <= _NARROW_SHARE * room else 0.0 for one in wanted]
     waiting = [place for place, width in enumerate(shared) if not width]
@@ -341,18 +341,18 @@ def _yielding(wanted: Sequence[float], least: Sequence[float], room: float) -> l
 
 
 def _fill(row: TableRow, cells: Sequence[str], faces: Sequence[FontFace | None], link: int | None) -> None:
-    """Write a row; a link is that of its last cell."""
+    """Write a row; a link belongs to its last cell."""
     for place, (cell, face) in enumerate(zip(cells, faces, strict=True), start=1):
         row.cell(printable(cut(cell, _LONGEST_CELL)), style=face, link=link if place == len(cells) else None)
 
 
 def _spaced(blocks: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """The cells of blocks beside each other, with an empty cell between two blocks."""
+    """Join the rows of several blocks, with an empty cell between two blocks."""
     return tuple(cell for place, block in enumerate(blocks) for cell in (("    ",) if place else ()) + tuple(block))
 
 
 def printable(words: str) -> str:
-    """A text as the font can print it: what it has no letter for becomes U+FFFD; no line breaks, no control codes."""
+    """Replace characters that the font lacks by U+FFFD, and line breaks by spaces; control codes are not allowed."""
     return "".join(_letter(one) for one in words)
 
 

@@ -1,8 +1,8 @@
-"""The files of an acceptance: JSON, JUnit, HTML and PDF, each written complete or not at all.
+"""The files of an acceptance: JSON, JUnit, HTML and PDF, each written atomically.
 
-In the JSON every number is unrounded and every sentence in English. In JUnit the unit is a test suite and each test a
-test case: one that is INCONCLUSIVE is a failure of type `inconclusive`, since nothing may be accepted on it; without a
-limit a test is skipped where it has no value, and else passes with its value among the properties.
+In the JSON every number is unrounded and every sentence is English. In JUnit the unit is a test suite and each test a
+test case. INCONCLUSIVE is a failure of type `inconclusive`, because it does not allow acceptance. A test without a
+limit is skipped if it has no value, and otherwise passes with its value among the properties.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from benchctl.reports.html import render
 from benchctl.reports.results import make_folder
 
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 cannot hold, not even escaped."""
+"""Characters that XML 1.0 cannot contain, even escaped."""
 
 
 def junit(acceptance: Acceptance, facts: RecordingFacts) -> str:
-    """The XML, in English, whatever the language of the report."""
+    """Return the JUnit XML, in English for every language of the report."""
     words = catalogue("en")
     suite = ET.Element("testsuite")
     name = f"{facts.meta.unit.serial} {facts.name}"
@@ -77,7 +77,7 @@ def _case(suite: ET.Element, one: Judged, serial: str, words: Catalogue) -> None
 
 
 def properties_of(one: Judged) -> dict[str, str]:
-    """A test's figures, by name; what there is none of is empty."""
+    """Return a test's figures by name; missing ones are empty."""
     measured = one.measured
     expanded = measured.uncertainty.expanded if measured.uncertainty else None
     return {
@@ -91,7 +91,7 @@ def properties_of(one: Judged) -> dict[str, str]:
 
 
 def verdict_says(one: Judged, words: Catalogue) -> str:
-    """Why there is no value of a test with a limit, or its value and what was expected."""
+    """Return the reason for a missing value of a test with a limit, or its value and the limits."""
     return _why(one, words) or f"{stated(one.measured, words)}, expected {limits(one.limit, words)}"
 
 
@@ -119,10 +119,10 @@ SCHEMA = "benchctl-acceptance/1"
 
 
 def values(acceptance: Acceptance, facts: RecordingFacts) -> dict[str, Any]:
-    """What `--json` says of an acceptance.
+    """Return an acceptance as plain data for `--json`.
 
-    Of each test `uncertainty` is expanded (95.45 %, `k` times the combined `standard`; `dof` null: infinite), and
-    `stated` is the value with it as the report prints it.
+    `uncertainty` of a test is expanded (95.45 %, `k` times the combined `standard`; `dof` null: infinite), and `stated`
+    is the value with its uncertainty as printed in the report.
     """
     words = catalogue("en")
     names = {info.index: info.name for info in facts.infos}
@@ -199,22 +199,24 @@ PAGE, PDF, JUNIT, JSON = "acceptance.html", "acceptance.pdf", "acceptance.xml", 
 def write_acceptance(
     acceptance: Acceptance, facts: RecordingFacts, folder: Path, language: str = "en"
 ) -> dict[str, Path]:
-    """Write the four files; their paths by `report`, `pdf`, `junit` and `json`.
+    """Write the four files; return their paths by `report`, `pdf`, `junit` and `json`.
 
-    Page and PDF are in the language, JUnit XML and JSON in English. All four are made before the first is written.
+    Page and PDF are in `language`, JUnit XML and JSON in English. All four are created before the first is written.
 
     Raises
     ------
     UsageError
-        Where the report is not written in that language, or the folder or the disk refuses.
+        If the language is not supported, or a file cannot be written.
     """
     report = report_of(acceptance, facts, language)
-    told = json.dumps({"schema": SCHEMA, **values(acceptance, facts)}, indent=1, ensure_ascii=False, allow_nan=False)
+    document = json.dumps(
+        {"schema": SCHEMA, **values(acceptance, facts)}, indent=1, ensure_ascii=False, allow_nan=False
+    )
     files = {
         "report": (PAGE, page(report).encode("utf-8")),
         "pdf": (PDF, pdf(report)),
         "junit": (JUNIT, junit(acceptance, facts).encode("utf-8")),
-        "json": (JSON, f"{told}\n".encode()),
+        "json": (JSON, f"{document}\n".encode()),
     }
     make_folder(folder)
     for name, content in files.values():
@@ -224,6 +226,6 @@ def write_acceptance(
 
 
 def page(report: Report) -> str:
-    """The page as text; the same report gives the same bytes."""
+    """Return the page as text; the same report gives the same bytes."""
     words = catalogue(report.language)
     return render("acceptance/acceptance.html.j2", report=report, words=words, numbers=report.numbers)

@@ -1,1 +1,1 @@
-"""The profiles that come with the drivers, one TOML file a controller."""
+"""The profiles shipped with the drivers, one TOML file per controller."""

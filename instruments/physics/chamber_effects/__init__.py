@@ -1,1 +1,1 @@
-"""Physics of a chamber's air that one time constant leaves out: one file an effect."""
+"""Effects on a chamber's air that a single time constant does not describe; one module per effect."""

@@ -1,4 +1,4 @@
-"""The air of a chamber, run freely from its first temperature: no measured temperature but that one is used."""
+"""Simulation of a chamber's air from its first temperature; no later measured air temperature is used."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import itertools
 import math
 
 import numpy as np
-import scipy  # which loads signal when it is first used
+import scipy  # scipy.signal is loaded on first use
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chamber_effects.effect import ChamberSignals
@@ -15,14 +15,14 @@ _KELVIN = 273.15
 _PER_KELVIN = 1.0 / (4.0 * 300.0**3)
 _HOTTEST_C = 3000.0
 _NEVER_PER_S = 1e-12
-"""What is forgotten no faster is never forgotten."""
+"""Slower rates count as no relaxation at all."""
 
 
 def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) -> FloatArray:
-    """The air [°C] at the samples of a run, shape (n,): τ·dT/dt = gain·u + T_room − T and what effects change.
+    """Return the air [°C] at the samples of a run, shape (n,): τ·dT/dt = gain·u + T_room − T, changed by effects.
 
-    From sample to sample everything that drives the air is held and the loss is linear in the temperature: exact
-    without radiation, stores and what the air itself changes, and with them to first order in the interval.
+    All inputs are held from sample to sample and the loss is linear in the temperature: exact without radiation, stores
+    and inputs that depend on the air, and otherwise to first order in the interval.
     """
     if not signals.radiation and signals.push_of_air is None:
         return _linear(signals, start_c, gain, tau_s)
@@ -39,9 +39,9 @@ def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) ->
     shares = [-math.expm1(-signals.interval_s / store_tau_s) for _, store_tau_s in stores]
     temperature, stored = start_c, [start_c] * len(couplings)
     air = []
-    for heat, outside, loss, beside in zip(heating, room, losses, second, strict=True):
+    for heat, outside, loss, second_body in zip(heating, room, losses, second, strict=True):
         air.append(temperature)
-        slope, pull = loss + exchange, heat + loss * outside + exchange * beside
+        slope, pull = loss + exchange, heat + loss * outside + exchange * second_body
         if radiation:
             hot, cold = temperature + _KELVIN, outside + _KELVIN
             steep = 4.0 * radiation * hot**3
@@ -64,28 +64,28 @@ def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) ->
 
 
 def forgetting(signals: ChamberSignals, tau_s: float) -> list[tuple[float, float]]:
-    """The rates [1/s] with which the air forgets what has pushed it, radiation left out, each with its power.
+    """Return the relaxation rates [1/s] of the air, without radiation, each with its power.
 
-    Pushes of one power at every frequency become noise of the air with a density of Σ power/(ω² + rate²).
+    White-noise disturbances cause noise of the air with a density of Σ power/(ω² + rate²).
     """
     capacity, store_tau_s = np.array(signals.stores).reshape(-1, 2).T
     back = np.diag(np.concatenate([[0.0], 1.0 / store_tau_s]))
     back[0, 0] = float(signals.loss.min()) / tau_s + float(np.sum(capacity / store_tau_s)) + signals.exchange
-    back[0, 1:] = back[1:, 0] = -np.sqrt(capacity) / store_tau_s  # in temperatures by the root of their capacities
+    back[0, 1:] = back[1:, 0] = -np.sqrt(capacity) / store_tau_s  # temperatures scaled by √capacity
     rates, modes = np.linalg.eigh(back)
     rates = np.maximum(rates, _NEVER_PER_S)
-    shares = modes[0] ** 2  # of a push, forgotten with each rate
+    shares = modes[0] ** 2  # shares of a disturbance that decay with each rate
     powers = shares * (2.0 * rates[:, None] / (rates[:, None] + rates) @ shares)
     return list(zip(rates.tolist(), powers.tolist(), strict=True))
 
 
 def _stores(signals: ChamberSignals, tau_s: float) -> list[tuple[float, float]]:
-    """The stores, each with the heat that it exchanges relative to the loss of a baseline, and its time constant."""
+    """Return for each store its heat exchange relative to the loss of the baseline, and its time constant."""
     return [(capacity * tau_s / store_tau_s, store_tau_s) for capacity, store_tau_s in signals.stores]
 
 
 def _linear(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) -> FloatArray:
-    """The same without radiation: between changes of the loss a linear recursion, each of its modes a filter."""
+    """Return the air without radiation: a linear recursion between changes of the loss, solved as a filter per mode."""
     steps = signals.interval_s / max(tau_s, signals.interval_s)
     exchange, stores = signals.exchange * tau_s, _stores(signals, tau_s)
     couplings = np.array([coupling for coupling, _ in stores])

@@ -1,4 +1,4 @@
-"""The room warms up."""
+"""Chamber effect: drift of the room temperature."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AmbientDrift(ChamberEffect):
-    """A line in time on the room’s temperature."""
+    """A room temperature that is linear in time."""
 
     c_per_hour: float
 
@@ -39,11 +39,11 @@ class AmbientDrift(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The run in a room that drifts."""
+        """Return the run in a drifting room."""
         return replace(signals, room_c=signals.room_c + self.c_per_hour * signals.time_s / 3600.0)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"What the chamber loses its heat to changes by {self.c_per_hour:.3g} K an hour: the room, the casing or a"
             " heat sink."

@@ -1,4 +1,4 @@
-"""The heat sets out late."""
+"""Chamber effect: dead time of the heat."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeadTime(ChamberEffect):
-    """u(t − delay): heat on its way, or a controller that is slow to answer."""
+    """u(t − delay): transport of the heat, or a slow controller."""
 
     delay_s: float
 
@@ -41,12 +41,12 @@ class DeadTime(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The drive of a while ago."""
-        # a drive is held from sample to sample, so that its first value sets in at the start itself
+        """Return the run with the delayed drive."""
+        # a drive is held from sample to sample, so its first value acts at the start itself
         time_s = np.concatenate([signals.time_s[:1] - signals.interval_s, signals.time_s])
         drive = np.concatenate([[signals.drive_before], signals.drive])
         return replace(signals, drive=np.interp(signals.time_s - self.delay_s, time_s, drive))
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return f"The air answers {self.delay_s:.3g} s late to its drive: a dead time."

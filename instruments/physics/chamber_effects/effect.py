@@ -1,6 +1,6 @@
-"""What an effect of a chamber works on: what drives the air, and how the air loses its heat.
+"""Base class of chamber effects and the signals that they change: the drive of the air and its heat loss.
 
-The baseline is one lag, τ·dT/dt = gain·u + T_room − T; an effect changes what stands in that equation.
+The baseline is one lag, τ·dT/dt = gain·u + T_room − T; an effect changes a term of this equation.
 """
 
 from __future__ import annotations
@@ -13,22 +13,23 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 ChamberStage = Literal["source", "transport", "loss"]
-"""`source`: what the heater makes of its drive; `transport`: on its way to the air; `loss`: out of the air again."""
+"""`source`: conversion of the drive to heat; `transport`: from the heater to the air; `loss`: from the air outwards."""
 
 Drive = Literal["power", "setpoint"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChamberSignals:
-    """A run without gaps; arrays of shape (n,).
+    """A run without gaps; arrays have shape (n,).
 
     `time_s` counts from the start of the run. `drive` is the heater's power in its own unit, or the set point [°C];
-    `room_c` where the heat goes to. The air loses `loss` · (T − room) + `radiation` · (T⁴ − room⁴)/(4·300³), K each,
-    with T and room there in kelvin. It cools by `capacity`/τ_store · (T − T_store) [K/s] for each of `stores` (capacity
-    relative to its own, τ_store [s]), and by `exchange` [1/s] · (T − `second_c`) for a second body whose temperature
-    was measured (n,). `before` is the drive before the start; None: it had long been what it is at the start. `push_c`
-    (n,) is what else moves the temperature to which the air settles [K]; `push_of_air` (2, k) the same by the
-    temperature of the air, which its first row holds (`structures.pushed`).
+    `room_c` is the temperature of the surroundings. The air loses `loss` · (T − room) + `radiation` · (T⁴ −
+    room⁴)/(4·300³), both in K, with T and room in the second term in kelvin. It cools by `capacity`/τ_store · (T −
+    T_store) [K/s] for each of `stores` (capacity relative to its own, τ_store [s]), and by `exchange` [1/s] · (T −
+    `second_c`) for a second body whose temperature was measured (n,). `before` is the drive before the start; None:
+    equal to the drive at the start. `push_c` (n,) is an additional shift of the temperature to which the air settles
+    [K]; `push_of_air` (2, k) is such a shift as a function of the air temperature in its first row
+    (`structures.pushed`).
     """
 
     time_s: FloatArray
@@ -51,9 +52,9 @@ class ChamberSignals:
 
 
 class ChamberEffect(DescribedEffect):
-    """Physics of a chamber; `stage` orders effects, `drives` says with which kind of drive it makes sense.
+    """A chamber effect; `stage` orders effects, `drives` lists the kinds of drive to which it applies.
 
-    `needs_second` is for those that take the measured temperature of a second body.
+    `needs_second` marks effects that use the measured temperature of a second body.
     """
 
     stage: ClassVar[ChamberStage]
@@ -62,4 +63,4 @@ class ChamberEffect(DescribedEffect):
 
     @abstractmethod
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The signals with the effect."""
+        """Return the signals with the effect."""

@@ -1,4 +1,4 @@
-"""A second body, whose temperature was measured, takes part in the heat."""
+"""Chamber effect: heat exchange with a second body whose temperature was measured."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exchange(ChamberEffect):
-    """Heat flows between the air and a body of a measured temperature of its own."""
+    """Heat flows between the air and a body with its own measured temperature."""
 
     rate_per_s: float
 
@@ -40,11 +40,11 @@ class Exchange(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The run with the second body; as it is where its temperature was not measured."""
+        """Return the run with the second body, unchanged if its temperature was not measured."""
         return signals if signals.second_c is None else replace(signals, exchange=signals.exchange + self.rate_per_s)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             "Heat is exchanged with the second body: by it alone the air would follow with a time constant of"
             f" {1.0 / max(self.rate_per_s, 1e-9):.3g} s."

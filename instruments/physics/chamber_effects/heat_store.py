@@ -1,4 +1,4 @@
-"""A body inside takes up heat."""
+"""Chamber effect: a body inside stores heat."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatStore(ChamberEffect):
-    """A wall or load that exchanges heat with the air alone."""
+    """A wall or load that exchanges heat only with the air."""
 
     capacity: float
     tau_s: float
@@ -49,11 +49,11 @@ class HeatStore(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The run with one more body, which begins as warm as the air."""
+        """Return the run with another body, which starts at the air's temperature."""
         return replace(signals, stores=(*signals.stores, (self.capacity, self.tau_s)))
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"A body inside takes up heat with a time constant of {self.tau_s:.3g} s, {self.capacity:.3g} times as"
             " much for each kelvin as the air itself: the air first moves fast, then creeps."

@@ -1,4 +1,4 @@
-"""The heater is not proportional."""
+"""Chamber effect: a nonlinear heater."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeaterNonlinearity(ChamberEffect):
-    """Power × (1 + curvature·u/u_max): the heat is not in proportion to what is asked for."""
+    """Power × (1 + curvature·u/u_max): the heat is not proportional to the drive."""
 
     curvature: float
     largest_drive: float = 100.0
@@ -44,13 +44,13 @@ class HeaterNonlinearity(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The drive as the heater makes it."""
+        """Return the run with the drive that the heater delivers."""
         return replace(
             signals, drive=signals.drive * (1.0 + self.curvature * np.abs(signals.drive) / self.largest_drive)
         )
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The heater is not proportional: at its largest drive it gives {100.0 * abs(self.curvature):.3g} %"
             f" {'more' if self.curvature > 0.0 else 'less'} than small drives promise."

@@ -1,4 +1,4 @@
-"""From a moment on more heat is lost."""
+"""Chamber effect: a step of the heat loss at some moment."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LossStep(ChamberEffect):
-    """A door is opened, a fan switched: until then the loss is × (1 + fraction) of what it is from then on."""
+    """A door is opened or a fan switched: before the moment the loss is × (1 + fraction) of the loss after it."""
 
     fraction: float
     moment: float
@@ -51,12 +51,12 @@ class LossStep(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The run with another loss until the moment, straight across the sample that it falls into."""
+        """Return the run with another loss before the moment, interpolated linearly within its sample."""
         since = (signals.time_s - self.moment * self.duration_s) / signals.interval_s
         return replace(signals, loss=signals.loss * (1.0 + self.fraction * np.clip(0.5 - since, 0.0, 1.0)))
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         moment_s = self.moment * self.duration_s
         if self.fraction <= -0.95:
             return (

@@ -1,4 +1,4 @@
-"""Hot walls radiate."""
+"""Chamber effect: radiation of hot walls."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ class Radiation(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The run with radiation."""
+        """Return the run with radiation."""
         return replace(signals, loss=signals.loss * (1.0 - self.share), radiation=signals.radiation + self.share)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return f"Heat is radiated: {100.0 * self.share:.3g} % of what is lost at 300 K, and more the hotter it is."

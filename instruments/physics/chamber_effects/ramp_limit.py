@@ -1,4 +1,4 @@
-"""The controller limits the ramp."""
+"""Chamber effect: a limited ramp of the set point."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class RampLimit(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The set point as the controller leads it."""
+        """Return the run with the ramped set point."""
         most = self.c_per_min / 60.0 * signals.interval_s
         led = signals.drive.copy()
         for i in range(1, led.size):
@@ -48,5 +48,5 @@ class RampLimit(ChamberEffect):
         return replace(signals, drive=led)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return f"The controller limits the ramp of its set point to {self.c_per_min:.3g} K/min."

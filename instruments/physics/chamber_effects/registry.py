@@ -1,4 +1,4 @@
-"""Finds the effects of a chamber."""
+"""Registry of the chamber effects."""
 
 from __future__ import annotations
 
@@ -12,5 +12,5 @@ from benchctl_instruments.physics.effect_modules import known_effects
 
 @lru_cache(maxsize=1)
 def chamber_effects() -> MappingProxyType[str, type[ChamberEffect]]:
-    """Every effect of a chamber by its identifier, in alphabetical order."""
-    return known_effects(package, ChamberEffect)  # type: ignore[type-abstract]  # the base is what they are found by
+    """Return every chamber effect by its identifier, in alphabetical order."""
+    return known_effects(package, ChamberEffect)  # type: ignore[type-abstract]  # found by their base class

@@ -1,4 +1,4 @@
-"""The heat passes a second lag."""
+"""Chamber effect: a second thermal lag."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import scipy  # which loads signal when it is first used
+import scipy  # scipy.signal is loaded on first use
 
 from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, ChamberStage
 from benchctl_instruments.physics.effects.effect import Parameter
@@ -44,16 +44,16 @@ class SecondLag(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The drive behind the lag, the mean from sample to sample of one that is held meanwhile."""
+        """Return the run with the lagged drive, averaged from sample to sample for a held input."""
         if self.tau_s <= 0.0:
             return signals
-        left = math.exp(-signals.interval_s / self.tau_s)
-        at_samples, _ = scipy.signal.lfilter([0.0, 1.0 - left], [1.0, -left], signals.drive, zi=[signals.drive_before])
-        behind = (1.0 - left) * self.tau_s / signals.interval_s
+        pole = math.exp(-signals.interval_s / self.tau_s)
+        at_samples, _ = scipy.signal.lfilter([0.0, 1.0 - pole], [1.0, -pole], signals.drive, zi=[signals.drive_before])
+        behind = (1.0 - pole) * self.tau_s / signals.interval_s
         return replace(signals, drive=np.asarray(signals.drive + behind * (at_samples - signals.drive)))
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The heat reaches the thermometer through a second lag of {self.tau_s:.3g} s: heater or thermometer must"
             " warm up themselves."

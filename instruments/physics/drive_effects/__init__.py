@@ -1,1 +1,1 @@
-"""Physics of a table's drive that inertia and viscous friction leave out: one file an effect."""
+"""Effects on a table's drive that inertia and viscous friction do not describe; one module per effect."""

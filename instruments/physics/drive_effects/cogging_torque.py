@@ -1,4 +1,4 @@
-"""The magnets of the motor hold at some angles."""
+"""Drive effect: cogging torque of the motor's magnets."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoggingTorque(DriveEffect):
-    """amplitude·cos(order·(θ−phase)); once a turn it is an unbalance, which `gravity` has."""
+    """amplitude·cos(order·(θ−phase)); order 1 is an unbalance, which `gravity` describes."""
 
     amplitude_nm: float
     phase_deg: float
@@ -60,13 +60,13 @@ class CoggingTorque(DriveEffect):
     }
 
     def apply(self, signals: DriveSignals) -> FloatArray:
-        """The torque with what depends on the angle; within one sample the table turns evenly."""
+        """Return the torque with the angle-dependent part; the rate is assumed constant within a sample."""
         turn = np.radians(self.order * (signals.angle_deg - self.phase_deg))
         within = self.order * signals.rate_rad_s * signals.interval_s / (2 * np.pi)
         return signals.torque_nm + self.amplitude_nm * np.cos(turn) * np.sinc(within)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The torque changes by ±{self.amplitude_nm:.3g} N·m with the angle, {self.order:.0f} times a turn:"
             f" it is largest at {self.phase_deg % (360.0 / self.order):.3g}°."

@@ -1,4 +1,4 @@
-"""Dry friction."""
+"""Drive effect: dry friction."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class CoulombFriction(DriveEffect):
     }
 
     def apply(self, signals: DriveSignals) -> FloatArray:
-        """The torque with dry friction."""
+        """Return the torque with dry friction."""
         return signals.torque_nm + self.coulomb_nm * signals.mean_of(np.sign, np.abs)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return f"Dry (Coulomb) friction of {self.coulomb_nm:.3g} N·m works against the motion at any rate."

@@ -1,6 +1,6 @@
-"""What an effect of a table's drive works on: the motion as it is, and the torque that it takes.
+"""Base class of drive effects and the signals that they use: the motion of the table and its torque.
 
-The baseline is a rigid body in a viscous bearing, torque = J·dω/dt + b·ω; an effect adds what it leaves out.
+The baseline is a rigid body in a viscous bearing, torque = J·dω/dt + b·ω; an effect adds a missing term.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 DriveStage = Literal["friction", "transmission", "measurement"]
-"""`friction`: a torque of its own; `transmission`: what all of it takes on its way; `measurement`: how all of it is
-measured. They act in this order."""
+"""`friction`: an additional torque; `transmission`: a change of the total torque on its way; `measurement`: an error of
+its measurement. They act in this order."""
 
 _EVEN = 1e-6
-"""A change of the rate within a sample, as a share of the largest rate, that does not show."""
+"""A negligible change of the rate within a sample, as a fraction of the largest rate."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSignals:
-    """A stretch without gaps; arrays of shape (n,).
+    """A segment without gaps; arrays have shape (n,).
 
-    `time_s` counts from the start of the run; angle positive counter-clockwise, unwrapped. `torque_nm` is that of the
-    drive on the table, as far as the effects before have made it. `inertia_kg_m2` and `viscous_nm_s` [N·m·s/rad] are
-    those of the baseline.
+    `time_s` counts from the start of the run; angle positive counter-clockwise, unwrapped. `torque_nm` is the torque of
+    the drive on the table, after the effects applied so far. `inertia_kg_m2` and `viscous_nm_s` [N·m·s/rad] are those
+    of the baseline.
     """
 
     time_s: FloatArray
@@ -44,7 +44,7 @@ class DriveSignals:
     def mean_of(
         self, friction: Callable[[FloatArray], FloatArray], integral: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """A friction of the rate, averaged over a sample in which that changes evenly; `integral` is over the rate."""
+        """Return the mean over a sample of a friction of the rate, for a linear rate; `integral` is over the rate."""
         half = 0.5 * self.interval_s * self.acceleration_rad_s2
         first, last = self.rate_rad_s - half, self.rate_rad_s + half
         evenly = np.abs(half) <= _EVEN * np.abs(self.rate_rad_s).max()
@@ -53,10 +53,10 @@ class DriveSignals:
 
 
 class DriveEffect(DescribedEffect):
-    """Physics of a drive; `stage` orders effects that do not commute."""
+    """A drive effect; `stage` orders effects that do not commute."""
 
     stage: ClassVar[DriveStage] = "friction"
 
     @abstractmethod
     def apply(self, signals: DriveSignals) -> FloatArray:
-        """The torque [N·m] with the effect, shape (n,)."""
+        """Return the torque [N·m] with the effect, shape (n,)."""

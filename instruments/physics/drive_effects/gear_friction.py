@@ -1,4 +1,4 @@
-"""A gear rubs the more, the more torque it passes on."""
+"""Drive effect: friction of a gear that grows with the transmitted torque."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GearFriction(DriveEffect):
-    """share·|τ|·sign ω: friction in proportion to the torque that a gear or belt transmits."""
+    """share·|τ|·sign ω: friction proportional to the torque that a gear or belt transmits."""
 
     share: float
 
@@ -42,11 +42,11 @@ class GearFriction(DriveEffect):
     }
 
     def apply(self, signals: DriveSignals) -> FloatArray:
-        """The torque with the friction of the gear."""
+        """Return the torque with the friction of the gear."""
         return signals.torque_nm + self.share * np.abs(signals.torque_nm) * np.sign(signals.rate_rad_s)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The gear rubs with {100.0 * self.share:.3g} % of the torque that it transmits, against the motion:"
             " lifting takes more torque than lowering gives back."

@@ -1,4 +1,4 @@
-"""A load whose centre of mass is not on the axis: a pendulum, or an unbalanced table that is not level."""
+"""Drive effect: a load with its centre of mass off the axis: a pendulum, or an unbalanced table that is not level."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ class Gravity(DriveEffect):
     }
 
     def apply(self, signals: DriveSignals) -> FloatArray:
-        """The torque with that against gravity; within one sample the load turns evenly."""
+        """Return the torque with the gravity torque; the rate is assumed constant within a sample."""
         within = signals.rate_rad_s * signals.interval_s / (2 * np.pi)
         lifted = np.sin(np.radians(signals.angle_deg - self.hangs_at_deg)) * np.sinc(within)
         return signals.torque_nm + self.moment_nm * lifted
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"Gravity pulls the load to {self.hangs_at_deg % 360.0:.3g}° with {self.moment_nm:.3g} N·m·sin θ: it is"
             " out of balance, like a pendulum."

@@ -1,4 +1,4 @@
-"""The air resists."""
+"""Drive effect: aerodynamic drag."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class QuadraticDrag(DriveEffect):
     }
 
     def apply(self, signals: DriveSignals) -> FloatArray:
-        """The torque with the drag of the air."""
+        """Return the torque with the drag of the air."""
         return signals.torque_nm + self.drag_nm_s2 * signals.rate_rad_s * np.abs(signals.rate_rad_s)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return f"Torque grows with the square of the rate, by {self.drag_nm_s2:.3g} N·m/(rad/s)²: the air resists."

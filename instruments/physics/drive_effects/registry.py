@@ -1,4 +1,4 @@
-"""Finds the effects of a drive."""
+"""Registry of the drive effects."""
 
 from __future__ import annotations
 
@@ -12,5 +12,5 @@ from benchctl_instruments.physics.effect_modules import known_effects
 
 @lru_cache(maxsize=1)
 def drive_effects() -> MappingProxyType[str, type[DriveEffect]]:
-    """Every effect of a drive by its identifier, in alphabetical order."""
-    return known_effects(package, DriveEffect)  # type: ignore[type-abstract]  # the base is what they are found by
+    """Return every drive effect by its identifier, in alphabetical order."""
+    return known_effects(package, DriveEffect)  # type: ignore[type-abstract]  # found by their base class

@@ -1,4 +1,4 @@
-"""Friction falls as the bearing begins to float."""
+"""Drive effect: Stribeck friction, which falls as a lubricating film forms in the bearing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import scipy  # which loads special when it is first used
+import scipy  # scipy.special is loaded on first use
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
@@ -17,7 +17,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StribeckFriction(DriveEffect):
-    """breakaway·exp(−(ω/velocity)²)·sign ω, beside Coulomb friction (Stribeck)."""
+    """breakaway·exp(−(ω/velocity)²)·sign ω, in addition to Coulomb friction (Stribeck)."""
 
     breakaway_nm: float
     velocity_rad_s: float
@@ -53,7 +53,7 @@ class StribeckFriction(DriveEffect):
     }
 
     def apply(self, signals: DriveSignals) -> FloatArray:
-        """The torque with the friction of creeping rates."""
+        """Return the torque with the friction at creeping rates."""
         velocity = self.velocity_rad_s
         creeping = signals.mean_of(
             lambda rate: np.exp(-((rate / velocity) ** 2)) * np.sign(rate),
@@ -62,7 +62,7 @@ class StribeckFriction(DriveEffect):
         return signals.torque_nm + self.breakaway_nm * creeping
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"Below about {self.velocity_rad_s:.3g} rad/s friction grows by up to {self.breakaway_nm:.3g} N·m:"
             " the bearing no longer floats on its lubricant."

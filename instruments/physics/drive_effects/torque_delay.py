@@ -1,4 +1,4 @@
-"""The torque is stamped too late."""
+"""Drive effect: a delay between the torque and its time stamp."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class TorqueDelay(DriveEffect):
     }
 
     def apply(self, signals: DriveSignals) -> FloatArray:
-        """The torque of another instant, straight between samples and held at the ends."""
+        """Return the shifted torque, interpolated linearly between samples and held at the ends."""
         return np.interp(signals.time_s - self.delay_s, signals.time_s, signals.torque_nm)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The {'torque' if self.delay_s > 0.0 else 'angle'} is {1e3 * abs(self.delay_s):.3g} ms older"
             f" than the {'angle' if self.delay_s > 0.0 else 'torque'} of the same stamp."

@@ -1,4 +1,4 @@
-"""The zero of the torque runs away."""
+"""Drive effect: drift of the torque's zero."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TorqueDrift(DriveEffect):
-    """A line in time on the torque."""
+    """A torque that is linear in time."""
 
     nm_per_hour: float
 
@@ -39,9 +39,9 @@ class TorqueDrift(DriveEffect):
     }
 
     def apply(self, signals: DriveSignals) -> FloatArray:
-        """The torque with a moving zero."""
+        """Return the torque with a drifting zero."""
         return signals.torque_nm + self.nm_per_hour * signals.time_s / 3600.0
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return f"The zero of the torque drifts by {self.nm_per_hour:.3g} N·m an hour."

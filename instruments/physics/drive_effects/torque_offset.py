@@ -1,4 +1,4 @@
-"""The torque has a zero that is not zero."""
+"""Drive effect: an offset of the torque."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TorqueOffset(DriveEffect):
-    """A constant added to the torque, whatever the direction."""
+    """A constant added to the torque, independent of the direction."""
 
     offset_nm: float
 
@@ -39,11 +39,11 @@ class TorqueOffset(DriveEffect):
     }
 
     def apply(self, signals: DriveSignals) -> FloatArray:
-        """The torque with its offset."""
+        """Return the torque with its offset."""
         return signals.torque_nm + self.offset_nm
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The torque is off by {self.offset_nm:.3g} N·m in both directions alike: the zero of its measurement,"
             " or a steady pull."

@@ -1,4 +1,4 @@
-"""The grease warms up."""
+"""Drive effect: warm-up of the grease."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from benchctl_instruments.physics.effects.effect import Parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ViscousWarmUp(DriveEffect):
-    """b changes in the course of a run, as a lag does: grease is less stiff when warm.
+    """b changes exponentially during a run: grease is less stiff when warm.
 
-    `fraction` is what it has changed by at the end of a run of `duration_s`: it is known well, however long tau is.
+    `fraction` is the change at the end of a run of `duration_s`: this is well determined even if tau is long.
     """
 
     fraction: float
@@ -55,12 +55,12 @@ class ViscousWarmUp(DriveEffect):
     }
 
     def apply(self, signals: DriveSignals) -> FloatArray:
-        """The torque with grease that warms."""
+        """Return the torque with the friction of warming grease."""
         change = self.fraction * np.expm1(-signals.time_s / self.tau_s) / math.expm1(-self.duration_s / self.tau_s)
         return signals.torque_nm + signals.viscous_nm_s * signals.rate_rad_s * change
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         way = "falls" if self.fraction < 0.0 else "grows"
         return (
             f"Viscous friction {way} by {100.0 * abs(self.fraction):.3g} % in the course of a run, with a time constant"

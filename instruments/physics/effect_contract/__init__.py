@@ -1,10 +1,10 @@
-"""What every effect must keep, whoever adds it, and the check of it, for the tests of whoever writes one.
+"""The contract of all effects, and a check of it for the tests of an effect's author.
 
 >>> from benchctl_instruments.physics.effect_contract import check_effect
 >>> from benchctl_instruments.physics.effects.saturation import Saturation
 >>> check_effect(Saturation)
 
-An effect of another package is looked at by `description` whenever it is taken in; what it does is for its own tests:
+`description` checks an effect of another package when it is loaded; its behaviour must be checked by its own tests:
 
     def test_my_effect_keeps_its_contract():
         check_effect(MyEffect)
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 def check_effect(kind: type[DescribedEffect]) -> None:
-    """Raise an `AssertionError` that names all that an effect does not keep; some seconds of work at most.
+    """Raise an `AssertionError` that names every violation of the contract; takes at most some seconds.
 
-    Of effects of the drive and of the chamber only their descriptions are looked at.
+    Of effects of the drive and of the chamber only the descriptions are checked.
     """
     from benchctl_instruments.physics.effect_contract.behaviour import PROMISES
     from benchctl_instruments.physics.effect_contract.description import faults_in
@@ -38,7 +38,7 @@ def check_effect(kind: type[DescribedEffect]) -> None:
         for promise in PROMISES:
             try:
                 promise(kind)
-            except Exception as err:  # whatever an effect raises, it does not keep its promise
+            except Exception as err:  # any exception of an effect violates the contract
                 broken.append(f"{' '.join((promise.__doc__ or '').split())} But: {type(err).__name__}: {err}")
     if broken:
         raise AssertionError(f"{kind.__name__} does not keep what an effect must:\n- " + "\n- ".join(broken))

@@ -1,7 +1,7 @@
-"""What an effect must keep when it is played: each promise a function that raises `AssertionError` where it is broken.
+"""The contract of an effect's behaviour: each promise is a function that raises `AssertionError` if it is violated.
 
-They are asked of an effect at the values at which a search begins, on signals of a smooth motion while the coil warms
-and cools. Of random ones only what does not depend on the draw can be asked.
+Promises are checked at the values at which a search begins, on signals of a smooth motion while the coil warms and
+cools. For random effects, only promises that do not depend on the draw are checked.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Promise = Callable[[Kind], None]
 _CUTS = ((1000,), (1, 2, 137, 138, 900, 1999))
 _LOST_AT = 900
 _MOST_TOGETHER = 10
-"""Of so many parameters every corner of the bounds is looked at."""
+"""Up to this number of parameters, every corner of the bounds is checked."""
 _LOST_S = 300.0
 
 
@@ -45,16 +45,16 @@ def says_a_sentence_with_numbers(kind: Kind) -> None:
     """Its finding is a sentence with its numbers."""
     made = kind.make(_plain(kind), CIRCUMSTANCES)
     _require(made.values == _plain(kind), f"its values are {made.values}, it was made of {_plain(kind)}")
-    said = made.says()
-    _require(re.fullmatch(r"[A-Z][^\n]*\d[^\n]*\.", said) is not None and "nan" not in said, f"it says {said!r}")
+    text = made.says()
+    _require(re.fullmatch(r"[A-Z][^\n]*\d[^\n]*\.", text) is not None and "nan" not in text, f"it says {text!r}")
 
 
 def is_gone_at_its_zero(kind: Kind) -> None:
-    """At the zeros of its sizes, and at that of each other parameter that has one, it changes nothing."""
+    """At the zeros of its sizes, and at the zero of each other parameter that has one, it changes nothing."""
     signals, ideal = sampled(), _without(sampled())
     zeros = {name: p.zero for name, p in kind.parameters.items() if p.zero is not None}
     sizes = {name: zero for name, zero in zeros.items() if kind.parameters[name].role == "size"}
-    # sizes go together, and so do two ends of a range; of the others each is enough
+    # sizes vanish together, as do two ends of a range; of the others each alone is enough
     ends = zeros if set(zeros.values()) == {-math.inf, math.inf} else {}
     others = ({name: zeros[name]} for name in set(zeros) - set(sizes) - set(ends))
     for gone in filter(None, (sizes, ends, *others)):
@@ -85,7 +85,7 @@ def grows_in_proportion_to_its_sizes(kind: Kind) -> None:
 
 
 def says_the_same_at_sixteen_times_the_rate(kind: Kind) -> None:
-    """What it does at an instant does not depend on how finely the signals are sampled; of filters see the next one."""
+    """Its effect at an instant does not depend on how finely the signals are sampled; for filters see the next one."""
     if _is_drawn(kind) or issubclass(kind, FilterEffect):
         return
     coarse, fine = sampled(), sampled(FINE)
@@ -100,7 +100,7 @@ def says_the_same_at_sixteen_times_the_rate(kind: Kind) -> None:
 
 
 def filters_as_its_response_says(kind: Kind) -> None:
-    """The difference equation of a filter is its response; its gain at 0 Hz is 1."""
+    """The difference equation of a filter agrees with its response; its gain at 0 Hz is 1."""
     if not issubclass(kind, FilterEffect):
         return
     coarse = sampled()
@@ -115,14 +115,14 @@ def filters_as_its_response_says(kind: Kind) -> None:
         gain = made.response(frequencies)
         exact = np.fft.irfft(spectrum * gain, N)
         ours: FloatArray = getattr(made.apply(fine), made.filtered)[periods * FINE * N :: FINE]
-        # an input that runs straight from sample to sample is off by its curvature, (ΔT)²/12 of it
+        # linear interpolation of the input causes an error of (ΔT)²/12 of its curvature
         curvature = np.abs(np.diff(x, 2)).max() / coarse.interval_s**2
         missed = np.abs(gain[frequencies < 10.0]).max() * curvature * fine.interval_s**2 / 12.0
         np.testing.assert_allclose(ours, exact, rtol=0.0, atol=1.5 * missed + 1e-10, err_msg=f"{values}")
 
 
 def forgets_within_its_memory(kind: Kind) -> None:
-    """After `memory_s` a filter has forgotten what it began with."""
+    """After `memory_s` a filter has forgotten its initial state."""
     if not issubclass(kind, FilterEffect):
         return
     begin = FINE * N // 4
@@ -130,25 +130,25 @@ def forgets_within_its_memory(kind: Kind) -> None:
         made = kind.make(values, CIRCUMSTANCES)
         fine = sampled(FINE, 1 + math.ceil(made.memory_s / PERIOD_S))
         forgotten = math.ceil(made.memory_s / fine.interval_s)
-        whole: FloatArray = getattr(made.apply(fine), made.filtered)
+        continuous: FloatArray = getattr(made.apply(fine), made.filtered)
         fresh: FloatArray = getattr(made.apply(stretch(fine, begin, fine.time_s.size, {})), made.filtered)
         _require(fresh[forgotten:].size > 0, f"it remembers {made.memory_s:g} s at {values}")
         np.testing.assert_allclose(
-            fresh[forgotten:], whole[begin + forgotten :], rtol=0.0, atol=1e-6 * np.abs(whole).max()
+            fresh[forgotten:], continuous[begin + forgotten :], rtol=0.0, atol=1e-6 * np.abs(continuous).max()
         )
 
 
 def is_the_same_in_chunks(kind: Kind) -> None:
-    """A run cut into chunks, each with the memory of the one before, is the run in one piece."""
+    """A run cut into chunks, each with the memory of the previous one, equals the uncut run."""
     made, signals = kind.make(_plain(kind), CIRCUMSTANCES), sampled()
-    whole = arrays(made.apply(signals))
+    uncut = arrays(made.apply(signals))
     for cuts in _CUTS:
         for name, array in in_chunks(made, signals, cuts).items():
-            np.testing.assert_allclose(array, whole[name], rtol=1e-9, atol=1e-9, err_msg=f"{name}, cut at {cuts}")
+            np.testing.assert_allclose(array, uncut[name], rtol=1e-9, atol=1e-9, err_msg=f"{name}, cut at {cuts}")
 
 
 def may_be_given_stretches_together_where_it_says_so(kind: Kind) -> None:
-    """Where it is pointwise or timeless, it makes of stretches in one row what it makes of each after the other."""
+    """Where it is pointwise or timeless, segments passed together give the same output as segments passed in turn."""
     if not (kind.pointwise or kind.timeless):
         return
     made, signals = kind.make(_plain(kind), CIRCUMSTANCES), _with_time_lost()
@@ -162,7 +162,7 @@ def may_be_given_stretches_together_where_it_says_so(kind: Kind) -> None:
 
 
 def is_finite_at_its_bounds(kind: Kind) -> None:
-    """At its bounds it gives numbers, and has something to say."""
+    """At its bounds its output is finite, and its finding is not empty."""
     signals = sampled()
     for values in _corners(kind):
         made = kind.make(dict(zip(kind.parameters, values, strict=True)), CIRCUMSTANCES)
@@ -172,7 +172,7 @@ def is_finite_at_its_bounds(kind: Kind) -> None:
 
 
 def _corners(kind: Kind) -> Iterator[tuple[float, ...]]:
-    """All corners of its bounds; of very many those of all low and of all high ends, and some by lot."""
+    """Yield all corners of its bounds; of many parameters only those of all low and all high ends, and random ones."""
     bounds = np.array([(p.low, p.high) for p in kind.parameters.values()])
     if len(bounds) <= _MOST_TOGETHER:
         yield from itertools.product(*bounds.tolist())
@@ -195,7 +195,7 @@ def counts_its_time_from_the_start(kind: Kind) -> None:
 
 
 def writes_to_nothing_that_it_was_given(kind: Kind) -> None:
-    """It leaves the signals that it was given as they are."""
+    """It does not modify the signals that it was given."""
     signals = at(sampled().time_s.copy(), 1.0 / COARSE_HZ)
     for array in arrays(signals).values():
         array.setflags(write=True)
@@ -218,18 +218,18 @@ PROMISES: tuple[Promise, ...] = (
     counts_its_time_from_the_start,
     writes_to_nothing_that_it_was_given,
 )
-"""All of them; one that does not concern an effect holds of it."""
+"""All promises; one that does not concern an effect always holds for it."""
 
 
 def _with_time_lost() -> Signals:
-    """Two stretches with a pause between them."""
+    """Return two segments with a pause between them."""
     time_s = sampled().time_s.copy()
     time_s[_LOST_AT:] += _LOST_S
     return replace(sampled(), time_s=time_s)
 
 
 def _reversed(signals: Signals) -> Signals:
-    """The samples in the opposite order: whoever looks at each by itself does not mind."""
+    """Return the samples in reverse order, which does not affect a pointwise effect."""
     turned = {name: array[::-1] for name, array in arrays(signals).items()}
     auxiliary = {name: array[::-1] for name, array in signals.auxiliary.items()}
     return replace(signals, **turned, auxiliary=auxiliary)  # type: ignore[arg-type]  # every field turned is an array
@@ -245,32 +245,32 @@ def _require(holds: bool | np.bool_, broken: str) -> None:
 
 
 def _combinations(kind: Kind) -> list[dict[str, float]]:
-    """Every combination of values at which a search begins."""
+    """Return every combination of values at which a search begins."""
     scans = [parameter.scan for parameter in kind.parameters.values()]
     return [dict(zip(kind.parameters, values, strict=True)) for values in itertools.product(*scans)]
 
 
 def _plain(kind: Kind) -> dict[str, float]:
-    """Values in the middle of where a search begins."""
+    """Return the middle of the values at which a search begins."""
     return {name: parameter.scan[len(parameter.scan) // 2] for name, parameter in kind.parameters.items()}
 
 
 def _outcome(made: PhysicalEffect, signals: Signals) -> dict[str, FloatArray]:
-    """Everything that an effect can be seen to do to signals."""
-    seen = arrays(made.apply(signals))
+    """Return everything that an effect can change in signals."""
+    outcome = arrays(made.apply(signals))
     if isinstance(made, ClockEffect):
-        seen["gyro_time_s"] = made.gyro_time_s(signals.time_s)
+        outcome["gyro_time_s"] = made.gyro_time_s(signals.time_s)
     if isinstance(made, EncoderEffect):
-        seen["error_slope"] = made.error_slope(signals.angle_deg)
-    return seen
+        outcome["error_slope"] = made.error_slope(signals.angle_deg)
+    return outcome
 
 
 def _without(signals: Signals) -> dict[str, FloatArray]:
-    """The outcome of no effect."""
+    """Return the outcome without an effect."""
     return {**arrays(signals), "gyro_time_s": signals.time_s, "error_slope": np.zeros_like(signals.time_s)}
 
 
 def _change(made: PhysicalEffect, signals: Signals) -> FloatArray:
-    """What an effect changes, all in one array."""
+    """Return all changes made by an effect, in one array."""
     ideal = _without(signals)
     return np.concatenate([array - ideal[name] for name, array in _outcome(made, signals).items()])

@@ -1,4 +1,4 @@
-"""What an effect must say of itself before anything can be done with it: looked at wherever one is taken in."""
+"""The contract of an effect's description, checked whenever an effect is loaded."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LEAST_WORDS = 40
 
 
 def faults_in(kind: Any, identifier: str) -> Iterator[str]:
-    """What is wrong with the description of an effect that is to be known as `identifier`, in words, worst first."""
+    """Yield the faults of the description of an effect that is to be known as `identifier`, in words, worst first."""
     if not _is_effect(kind):
         yield f"it is {kind!r}, expected a class of effects (PhysicalEffect, for one of the gyro)"
         return
@@ -57,20 +57,20 @@ def _wrong_words(kind: Any, identifier: str) -> Iterator[str]:
 
 
 def _wrong_parameters(kind: Any) -> Iterator[str]:
-    told = kind.parameters
-    if not isinstance(told, Mapping) or not all(isinstance(one, Parameter) for one in told.values()) or not told:
-        yield f"its parameters must be a mapping from names to Parameter, got {told!r}"
+    stated = kind.parameters
+    if not isinstance(stated, Mapping) or not all(isinstance(one, Parameter) for one in stated.values()) or not stated:
+        yield f"its parameters must be a mapping from names to Parameter, got {stated!r}"
         return
     its_fields = fields(kind)
-    if [field.name for field in its_fields[: len(told)]] != list(told):
-        yield f"its fields must be its parameters ({', '.join(told)}) and then its circumstances"
+    if [field.name for field in its_fields[: len(stated)]] != list(stated):
+        yield f"its fields must be its parameters ({', '.join(stated)}) and then its circumstances"
     for field in its_fields:
-        if field.name not in told and field.default is MISSING:
+        if field.name not in stated and field.default is MISSING:
             yield f"its field {field.name} is no parameter, and has no default"
-    for name, parameter in told.items():
+    for name, parameter in stated.items():
         for fault in _wrong_parameter(parameter):
             yield f"its parameter {name} {fault}"
-    if issubclass(kind, PhysicalEffect) and all(parameter.zero is None for parameter in told.values()):
+    if issubclass(kind, PhysicalEffect) and all(parameter.zero is None for parameter in stated.values()):
         yield "none of its parameters has a zero, at which it is gone"
 
 

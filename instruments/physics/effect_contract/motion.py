@@ -1,4 +1,4 @@
-"""Signals to try effects on: a smooth, periodic, band-limited motion while the coil warms, cools and warms again."""
+"""Test signals for effects: a smooth, periodic, band-limited motion while the coil warms, cools and warms again."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ N = round(PERIOD_S * COARSE_HZ)
 CIRCUMSTANCES = {"T0_c": 20.0, "range_dps": 180.0, "seed": 3.0, "start_s": 0.0}
 
 _SINES = ((1.0 / 16.0, 150.0, 0.3), (1.5, 20.0, 1.1), (6.25, 5.0, 2.0))
-"""Frequency [Hz], amplitude [deg/s] and phase [rad] of the parts of the motion; whole turns, and up to 172 deg/s."""
+"""Frequency [Hz], amplitude [deg/s] and phase [rad] of the parts of the motion: complete turns, up to 172 deg/s."""
 
 
 def at(time_s: FloatArray, interval_s: float, first_index: int = 0) -> Signals:
-    """The motion at instants; its arrays cannot be written to."""
+    """Return the motion at instants, in read-only arrays."""
     angle, rate, acceleration = (np.zeros_like(time_s) for _ in range(3))
     for frequency, amplitude, phase in _SINES:
         omega = 2.0 * np.pi * frequency
@@ -57,20 +57,20 @@ def at(time_s: FloatArray, interval_s: float, first_index: int = 0) -> Signals:
 
 @lru_cache(maxsize=8)
 def sampled(finer: int = 1, periods: int = 1) -> Signals:
-    """Whole periods at so many times the coarse rate; the coarse samples are every so many-th of it."""
+    """Return `periods` periods at `finer` times the coarse rate; every `finer`-th sample is a coarse sample."""
     interval_s = 1.0 / (COARSE_HZ * finer)
     return at(np.arange(periods * N * finer, dtype=np.float64) * interval_s, interval_s)
 
 
 def stretch(signals: Signals, low: int, high: int, memory: Mapping[str, FloatArray]) -> Signals:
-    """A part of signals, with the memory of what came before."""
+    """Return a segment of signals with the memory of the preceding one."""
     part = {name: array[low:high] for name, array in arrays(signals).items()}
     auxiliary = {name: array[low:high] for name, array in signals.auxiliary.items()}
     return replace(signals, **part, auxiliary=auxiliary, memory=memory, first_index=signals.first_index + low)  # type: ignore[arg-type]  # every field of `part` is an array
 
 
 def in_chunks(effect: PhysicalEffect, signals: Signals, cuts: Sequence[int]) -> dict[str, FloatArray]:
-    """What the effect makes of signals cut into stretches."""
+    """Return the effect's output for signals cut into segments."""
     memory: dict[str, FloatArray] = {}
     parts = []
     for low, high in itertools.pairwise((0, *cuts, signals.time_s.size)):
@@ -83,6 +83,6 @@ def in_chunks(effect: PhysicalEffect, signals: Signals, cuts: Sequence[int]) -> 
 
 
 def arrays(signals: Signals) -> dict[str, FloatArray]:
-    """The arrays of signals by name."""
+    """Return the arrays of signals by name."""
     values = {field.name: getattr(signals, field.name) for field in fields(signals)}
     return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}

@@ -1,1 +1,1 @@
-"""Physics that a simulation may leave out: one file an effect, the same for the simulated bench and the diagnosis."""
+"""Effects that a simulation may omit, shared by the simulated bench and the diagnosis; one module per effect."""

@@ -1,4 +1,4 @@
-"""The converter's steps are larger than they are said to be."""
+"""Effect: converter steps larger than specified."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdcCoarse(PhysicalEffect):
-    """U rounded to steps of 2^bits_lost of the converter's own (domain facts, QNT); `adc_step_v` is its own step.
+    """U rounded to steps of 2^bits_lost of the converter's own step `adc_step_v` (domain facts, QNT).
 
-    It acts on the samples with their noise. Where the noise is wide against a step it is a little more white noise;
-    where it is not, the output stands on stairs.
+    It acts on the samples with their noise. If the noise is large compared with a step, it adds a little white noise;
+    otherwise the output is quantized.
     """
 
     bits_lost: float
@@ -49,11 +49,11 @@ class AdcCoarse(PhysicalEffect):
 
     @property
     def step_v(self) -> float:
-        """The step that is left [V]."""
+        """The remaining step [V]."""
         return float(self.adc_step_v * 2.0**self.bits_lost)
 
     def apply(self, signals: Signals) -> Signals:
-        """The output on its stairs."""
+        """Return the quantized output."""
         if self.bits_lost <= 0.0:
             return signals
         volts = signals.output_v * (1.0 / self.step_v)
@@ -62,7 +62,7 @@ class AdcCoarse(PhysicalEffect):
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         bits = round(self.bits_lost)
         idle = "the lowest bit of the converter does" if bits == 1 else f"the lowest {bits} bits of the converter do"
         return f"The output comes in steps of {1e3 * self.step_v:.3g} mV: {idle} not move."

@@ -1,4 +1,4 @@
-"""The converter's steps are not of one size."""
+"""Effect: converter steps of unequal size."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdcNonlinearity(PhysicalEffect):
-    """U + inl·sin(2πU/period), a function of the voltage alone (domain facts, ADCNL)."""
+    """U + inl·sin(2πU/period), a function of the voltage only (domain facts, ADCNL)."""
 
     inl_v: float
     period_v: float
@@ -45,12 +45,12 @@ class AdcNonlinearity(PhysicalEffect):
             scan=(0.1, 0.5, 2.0, 10.0),
             logarithmic=True,
             by_scan=True,
-            nudge=1e-5,  # of a hundredth of a volt, hundreds of periods fit between the rails
+            nudge=1e-5,  # hundreds of periods of 0.01 V fit between the rails
         ),
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The converted output."""
+        """Return the converted output."""
         wave = signals.output_v * (2.0 * math.pi / self.period_v)
         np.sin(wave, out=wave)
         wave *= self.inl_v
@@ -58,7 +58,7 @@ class AdcNonlinearity(PhysicalEffect):
         return replace(signals, output_v=wave)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The converter is wrong by up to {1e3 * abs(self.inl_v):.3g} mV, in a wave that repeats every"
             f" {self.period_v:.3g} V of output, whatever causes the voltage."

@@ -1,4 +1,4 @@
-"""The output holds a part of the angular acceleration."""
+"""Effect: sensitivity to angular acceleration."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AngularAcceleration(PhysicalEffect):
-    """U + v·dω/dt (domain facts, ACC): over the scale factor it is a time, and a delay of minus it does the same."""
+    """U + v·dω/dt (domain facts, ACC): v divided by the scale factor is a time t; a delay of −t has the same effect."""
 
     v_per_dps2: float
 
@@ -40,13 +40,13 @@ class AngularAcceleration(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output with the part of the acceleration."""
+        """Return the output with the acceleration-dependent part."""
         volts = self.v_per_dps2 * signals.acceleration_dps2
         volts += signals.output_v
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             "The output holds a part in proportion to the angular acceleration:"
             f" {1e6 * self.v_per_dps2:+.3g} µV for one °/s²."

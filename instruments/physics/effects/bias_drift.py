@@ -1,4 +1,4 @@
-"""The bias runs away in time."""
+"""Effect: bias drift in time."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ class BiasDrift(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output with a bias that changes with time."""
+        """Return the output with a bias that changes with time."""
         volts = signals.time_s - self.start_s
         volts *= self.v_per_hour / 3600.0
         volts += signals.output_v
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The bias {'falls' if self.v_per_hour < 0.0 else 'rises'} by {1e3 * abs(self.v_per_hour):.3g} mV an hour,"
             " at any temperature."

@@ -1,4 +1,4 @@
-"""The bias wanders."""
+"""Effect: random walk of the bias."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from benchctl_instruments.physics.effects.kinds import NoiseEffect
 class BiasRandomWalk(NoiseEffect):
     """U + v·∫n dt, n white noise of unit density (domain facts, BRW).
 
-    The walk is zero at `start_s`; over a time t its variance grows by v²·t, in gaps between streams too.
+    The walk is zero at `start_s`; during a time t its variance grows by v²·t, in gaps between streams too.
     """
 
     v_per_sqrt_s: float
@@ -48,7 +48,7 @@ class BiasRandomWalk(NoiseEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output on its wandering bias, which in a reading that comes late is as it was last."""
+        """Return the output with its wandering bias; a reading older than the last one gets the last bias."""
         last_s, value = signals.memory.get(self.identifier, (self.start_s, 0.0))
         steps = np.diff(np.maximum(signals.time_s, last_s), prepend=last_s)
         np.sqrt(steps, out=steps)
@@ -61,7 +61,7 @@ class BiasRandomWalk(NoiseEffect):
         return replace(signals, output_v=walk, memory={**signals.memory, self.identifier: kept})
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         hour_mv = 1e3 * self.v_per_sqrt_s * 60.0
         return (
             f"The bias wanders by chance, {1e6 * self.v_per_sqrt_s:.3g} µV in a second and {hour_mv:.3g} mV in an hour"

@@ -1,4 +1,4 @@
-"""The bias depends on the temperature."""
+"""Effect: temperature dependence of the bias."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class BiasTemperature(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output with the bias of the coil's temperature."""
+        """Return the output with the bias at the coil's temperature."""
         delta_c = signals.coil_c - self.T0_c
         volts = self.c2_v_per_c2 * delta_c
         volts += self.c1_v_per_c
@@ -59,7 +59,7 @@ class BiasTemperature(PhysicalEffect):
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The bias depends on the temperature: by {1e6 * self.c1_v_per_c:+.3g} µV a degree at {self.T0_c:.3g} °C,"
             f" and that slope itself changes by {2e6 * self.c2_v_per_c2:+.3g} µV a degree with every degree."

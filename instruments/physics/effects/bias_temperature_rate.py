@@ -1,4 +1,4 @@
-"""The bias depends on how fast the temperature changes."""
+"""Effect: dependence of the bias on the rate of temperature change."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ class BiasTemperatureRate(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output with the bias of the coil's change of temperature."""
+        """Return the output with the bias due to the coil's rate of temperature change."""
         volts = self.v_per_c_per_s * signals.coil_rate_c_per_s
         volts += signals.output_v
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             "The bias is shifted while the temperature changes, and only then:"
             f" by {1e3 * self.v_per_c_per_s / 60.0:+.3g} mV for one degree a minute."

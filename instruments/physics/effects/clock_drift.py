@@ -1,4 +1,4 @@
-"""Gyro and encoder are stamped by two clocks, and one of them is faster."""
+"""Effect: gyro and encoder are stamped by two clocks with different speeds."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchctl_instruments.physics.effects.kinds import ClockEffect
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockDrift(ClockEffect):
-    """At stamp t the gyro's sample is of t·(1 + ppm·10⁻⁶), the encoder's of t (domain facts, CLK).
+    """At stamp t the gyro is sampled at t·(1 + ppm·10⁻⁶), the encoder at t (domain facts, CLK).
 
     t counts from `start_s`.
     """
@@ -45,14 +45,14 @@ class ClockDrift(ClockEffect):
     }
 
     def gyro_time_s(self, stamp_s: FloatArray) -> FloatArray:
-        """The instants [s] of which the gyro's samples are."""
+        """Return the sampling instants [s] of the gyro."""
         instants = stamp_s - self.start_s
         instants *= 1e-6 * self.ppm
         instants += stamp_s
         return instants
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         ahead = "ahead of" if self.ppm > 0.0 else "behind"
         return (
             f"The gyro's samples get {1e-3 * 3600.0 * abs(self.ppm):.3g} ms an hour further {ahead} the encoder's:"

@@ -1,4 +1,4 @@
-"""Small rates bring no answer."""
+"""Effect: no response to small rates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeadZone(PhysicalEffect):
-    """No answer for |ω| < half_width; beyond it the characteristic is shifted by as much (domain facts, DEAD)."""
+    """No response for |ω| < half_width; outside, the characteristic is shifted by half_width (domain facts, DEAD)."""
 
     half_width_dps: float
 
@@ -43,13 +43,13 @@ class DeadZone(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """What is left of the rate."""
+        """Return the rate after the dead zone."""
         kept = np.clip(signals.sensed_rate_dps, -self.half_width_dps, self.half_width_dps)
         np.subtract(signals.sensed_rate_dps, kept, out=kept)
         return replace(signals, sensed_rate_dps=kept)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The gyro does not answer to rates below {self.half_width_dps:.3g} °/s, and all others come out smaller"
             " by that much."

@@ -1,4 +1,4 @@
-"""The data stand still for a while."""
+"""Effect: the output is held for some time."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.effects.kinds import NoiseEffect
 
 _MISSED_SCAN = 1.5
-"""Intervals between two samples of which the second is no longer the next scan."""
+"""Time between two samples, in scan intervals, from which a scan counts as missing between them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dropouts(NoiseEffect):
     """At `count` scans of every `span_scans` the output is held for a time (domain facts, GAP).
 
-    When they come is chance, with equal probability at every scan.
+    The scans are random, with equal probability at every scan.
     """
 
     count: float
@@ -64,7 +64,7 @@ class Dropouts(NoiseEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output with its holds; one that began in the stretch before goes on."""
+        """Return the output with its holds; a hold from the previous segment continues."""
         volts = signals.output_v
         held = self._held(signals)
         if held.any():
@@ -80,7 +80,7 @@ class Dropouts(NoiseEffect):
         return replace(signals, output_v=volts, memory={**signals.memory, self.identifier: kept})
 
     def _held(self, signals: Signals) -> npt.NDArray[np.bool_]:
-        """Which scans repeat the one before, shape (n,)."""
+        """Return which scans repeat the previous one, shape (n,)."""
         first, scans = signals.first_index, signals.time_s.size
         length = round(self.hold_s / signals.interval_s)
         held = np.zeros(scans, np.bool_)
@@ -93,6 +93,6 @@ class Dropouts(NoiseEffect):
         return held
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         often = "once" if round(self.count) == 1 else f"{self.count:.0f} times"
         return f"The output is held {often}, for {self.hold_s:.3g} s: it repeats one sample while the gyro goes on."

@@ -1,7 +1,8 @@
-"""What a piece of omitted physics must say of itself: one description serves the simulated bench and the diagnosis.
+"""The description of an effect, shared by the simulated bench and the diagnosis.
 
-An effect is a frozen dataclass whose fields are its parameters, under the names and units of the vocabulary, and, with
-defaults, its circumstances (a reference temperature, a seed), which nobody fits. Its class says the rest.
+An effect is a frozen dataclass. Its fields are its parameters, with the names and units of the vocabulary, followed by
+its circumstances (a reference temperature, a seed), which have defaults and are not fitted. Class variables describe
+the effect.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from typing import ClassVar, Literal, Self
 from benchctl_instruments.physics.chain import Signals, Stage
 
 Role = Literal["size", "shape", "phase", "choice", "assumed"]
-"""`size`: the effect grows in proportion to it; `shape`: a time constant, a cutoff; `phase`: an angle, periodic, in
-degrees; `choice`: one of `scan`, whole numbers for example; `assumed`: a value that is not fitted (`assuming`)."""
+"""`size`: the effect is proportional to it; `shape`: a time constant, a cutoff; `phase`: an angle, periodic, in
+degrees; `choice`: one of `scan`, integers for example; `assumed`: a value that is not fitted (`assuming`)."""
 
 
 COORDINATES = (
@@ -35,7 +36,7 @@ COORDINATES = (
     "frequency",
     "step",
 )
-"""The words for where a mismatch lives; two joined by `*` where it takes two."""
+"""The coordinates on which a residual depends; two are joined by `*`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,28 +46,28 @@ class Parameter:
     Attributes
     ----------
     unit
-        Its unit, in CF style where there is one.
+        Its unit, in CF style if there is one.
     meaning
-        In words, short.
+        A short description.
     low, high
-        Bounds beyond which the effect is another one, or none.
+        Bounds outside which it is a different effect, or none.
     role
         How a search treats it.
     scan
-        Where a search begins: of a size one value, small; of others values that cover what is likely, near enough that
-        one of them leads to the right one.
+        Start values of a search: one small value for a size; otherwise values that cover the likely range, so dense
+        that one of them leads to the solution.
     zero
-        The value at which the effect is gone (`math.inf` for a cutoff); None where it does not depend on this one.
+        The value at which the effect vanishes (`math.inf` for a cutoff); None if there is no such value.
     logarithmic
-        Whether it is positive and its ratios count.
+        Whether it is positive and searched on a logarithmic scale.
     relative
-        Whether it is by how much something positive differs, as a share of it: how well it is known, ratios of one and
-        it tell.
+        Whether it is the relative deviation of a positive quantity; its uncertainty is then described by ratios of one
+        and it.
     by_scan
-        Whether it has far more places than can be listed, so that a search asks the residual for them; `scan` then only
-        names some.
+        Whether there are too many possible start values to list, so that a search derives them from the residual;
+        `scan` then holds only some of them.
     nudge
-        The change of its logarithm over which a derivative by it is taken: what it does is in proportion over so much.
+        The step of its logarithm for numerical derivatives; the effect is linear over this step.
     """
 
     unit: str
@@ -82,34 +83,34 @@ class Parameter:
     nudge: float = 1e-3
 
     def within(self, low: float, high: float) -> Self:
-        """The same within narrower bounds, with the places of its scan that are inside; between them if none is."""
+        """Return it with narrower bounds and the start values inside; without any, their geometric mean."""
         low, high = max(low, self.low), min(high, self.high)
         scan = tuple(place for place in self.scan if low <= place <= high)
         return replace(self, low=low, high=high, scan=scan or ((low * high) ** 0.5,))
 
 
 class DescribedEffect(ABC):
-    """Physics beside a part's baseline; a subclass is a frozen dataclass and sets every class variable.
+    """An effect that a baseline does not describe; a subclass is a frozen dataclass and sets every class variable.
 
     Attributes
     ----------
     identifier
         Its name in the vocabulary.
     words
-        What it is, in one or two sentences, for someone who has not heard of it.
+        One or two sentences that explain it to a reader who does not know it.
     equation
         Its equation, in the symbols of the vocabulary.
     coordinate
-        Where its residual is seen: one of `COORDINATES`, or two joined by `*`.
+        The coordinate on which its residual depends: one of `COORDINATES`, or two joined by `*`.
     excited_by
-        The motion or temperature that brings it out.
+        The motion or temperature that excites it.
     look_alikes
         Identifiers of effects that can be mistaken for it.
     parameters
-        Its parameters by name; in the order of its fields.
+        Its parameters by name, in the order of its fields.
     several
-        Whether a model may have several, which differ in what is chosen of them: orders. Such an effect keeps no memory
-        and draws nothing.
+        Whether a model may contain several of it, which differ in their `choice` parameters: orders. Such an effect has
+        no memory and no random draws.
     """
 
     identifier: ClassVar[str]
@@ -123,30 +124,30 @@ class DescribedEffect(ABC):
 
     @abstractmethod
     def says(self) -> str:
-        """The finding in one sentence, with its numbers."""
+        """Return the finding in one sentence, with its numbers."""
 
     @classmethod
     def within(cls, limits: Mapping[str, tuple[float, float]]) -> type[Self]:
-        """The same effect with narrower bounds of some parameters: what is plausible for an instrument or a bench."""
+        """Return the effect with narrower bounds of some parameters: plausible ones for an instrument or a bench."""
         narrower = {name: one.within(*limits[name]) if name in limits else one for name, one in cls.parameters.items()}
         return type(cls.__name__, (cls,), {"parameters": narrower, "__slots__": ()})
 
     @property
     def plausible(self) -> bool:
-        """Whether its parameters go together, each within its bounds, on anything that can be built."""
+        """Whether the combination of its parameters, each within its bounds, is physically possible."""
         return True
 
     def assuming(self, names: Collection[str]) -> Self | None:
-        """The same effect with plausible values assumed for parameters that a fit moved to their bounds.
+        """Return the effect with plausible values assumed for parameters that a fit moved to their bounds.
 
-        None where an effect that stands at these bounds is another one, or none.
+        Returns None if the effect at these bounds is a different one, or none.
         """
         del names
         return None
 
     @classmethod
     def make(cls, values: Mapping[str, float], circumstances: Mapping[str, float] | None = None) -> Self:
-        """An effect from its parameters by name; of the circumstances those that it has are taken."""
+        """Return an effect from its parameters by name; circumstances that it does not have are ignored."""
         known = {field.name for field in fields(cls)}  # type: ignore[arg-type]  # subclasses are dataclasses
         given = {name: value for name, value in (circumstances or {}).items() if name in known}
         return cls(**{**given, **values})
@@ -158,21 +159,21 @@ class DescribedEffect(ABC):
 
 
 class PhysicalEffect(DescribedEffect):
-    """Physics of the gyro and what measures it.
+    """An effect of the gyro and its measurement chain.
 
     Attributes
     ----------
     stage
-        That of the chain after whose baseline it acts.
+        The stage of the chain after whose baseline it acts.
     momentary
-        Whether it answers to the momentary rate, acceleration or voltage otherwise than in proportion, or rings above a
-        band: of a motion whose slow part alone is compared it shows on the average only.
+        Whether it responds nonlinearly to the momentary rate, acceleration or voltage, or resonates above a band: if
+        only the slow part of a motion is compared, only its average is visible.
     pointwise
-        Whether what it makes of a sample depends on nothing but that sample: then it may be given all stretches of a
-        recording in one row after another, where it would be given one at a time.
+        Whether its output for a sample depends on that sample only: all segments of a recording can then be passed in
+        one array, in any order.
     timeless
-        Whether what it makes of a sample depends on those before it, but not on when they were: then so may it, as long
-        as no other recording begins.
+        Whether its output for a sample depends on earlier samples, but not on their times: segments of one recording
+        can then be passed in one array, in order.
     """
 
     stage: ClassVar[Stage]
@@ -182,4 +183,4 @@ class PhysicalEffect(DescribedEffect):
 
     @abstractmethod
     def apply(self, signals: Signals) -> Signals:
-        """The signals with the effect: of a stretch that may go on from an earlier one, by `Signals.memory`."""
+        """Return the signals of a segment with the effect; `Signals.memory` continues an earlier segment."""

@@ -1,4 +1,4 @@
-"""The encoder's grating does not turn about its own middle."""
+"""Effect: eccentricity of the encoder's grating."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ class EncoderEccentricity(EncoderEffect):
     }
 
     def error_deg(self, angle_deg: FloatArray) -> FloatArray:
-        """What it adds to true angles [deg]."""
+        """Return the error [deg] at true angles [deg]."""
         error: FloatArray = self.amplitude_arcsec / 3600.0 * np.sin(self._argument(angle_deg))
         return error
 
     def error_slope(self, angle_deg: FloatArray) -> FloatArray:
-        """The derivative of the error by the angle."""
+        """Return the derivative of the error with respect to the angle."""
         slope: FloatArray = self.amplitude_arcsec * _RAD_PER_ARCSEC * self.order * np.cos(self._argument(angle_deg))
         return slope
 
@@ -70,7 +70,7 @@ class EncoderEccentricity(EncoderEffect):
         return argument
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         often = {1: "once", 2: "twice"}.get(round(self.order), f"{self.order:.0f} times")
         return (
             f"The encoder is wrong by {self.amplitude_arcsec:.3g} arcsec, {often} a turn:"

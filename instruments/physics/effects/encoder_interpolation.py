@@ -1,4 +1,4 @@
-"""The encoder interpolates between the lines of its grating, a little wrongly."""
+"""Effect: interpolation error of the encoder between the lines of its grating."""
 
 from __future__ import annotations
 
@@ -62,23 +62,23 @@ class EncoderInterpolation(EncoderEffect):
 
     @property
     def plausible(self) -> bool:
-        """Whether the error is a small share of the way from line to line, which is what is interpolated."""
+        """Whether the error is a small fraction of the line spacing, which is what is interpolated."""
         return self.amplitude_arcsec <= _MOST_OF_PITCH * 360.0 * 3600.0 / self.lines_per_rev
 
     def error_deg(self, angle_deg: FloatArray) -> FloatArray:
-        """What it adds to true angles [deg]."""
+        """Return the error [deg] at true angles [deg]."""
         error: FloatArray = self.amplitude_arcsec / 3600.0 * np.sin(self._argument(angle_deg))
         return error
 
     def error_slope(self, angle_deg: FloatArray) -> FloatArray:
-        """The derivative of the error by the angle."""
+        """Return the derivative of the error with respect to the angle."""
         steepest = self.amplitude_arcsec * _RAD_PER_ARCSEC * self.lines_per_rev
         slope: FloatArray = steepest * np.cos(self._argument(angle_deg))
         return slope
 
     @property
     def waves_a_turn(self) -> float:
-        """The lines."""
+        """The number of lines."""
         return self.lines_per_rev
 
     def _argument(self, angle_deg: FloatArray) -> FloatArray:
@@ -86,7 +86,7 @@ class EncoderInterpolation(EncoderEffect):
         return argument
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The encoder is wrong by {self.amplitude_arcsec:.3g} arcsec from line to line, {self.lines_per_rev:.0f}"
             " times a turn: its rate seems to tremble, and the gyro does not feel it."

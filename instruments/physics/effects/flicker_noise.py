@@ -1,4 +1,4 @@
-"""The bias flickers: noise of equal power in every decade of frequency."""
+"""Effect: flicker noise of the bias, with equal power in every decade of frequency."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import scipy  # which loads signal when it is first used
+import scipy  # scipy.signal is loaded on first use
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals, Stage
@@ -17,24 +17,24 @@ from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.effects.kinds import NoiseEffect
 
 _SLOWEST = 17
-"""The longest time constant is two seconds to this power: its corner lies at 1.2 µHz."""
+"""The longest time constant is two seconds to this power; its corner frequency is 1.2 µHz."""
 
 
 def time_constants_s(interval_s: float) -> FloatArray:
-    """Of the processes that are summed, an octave apart, for scans so far apart: the fastest nearly white in them."""
+    """Return the time constants of the summed processes, an octave apart; the fastest is nearly white between scans."""
     return np.asarray(2.0 ** np.arange(math.floor(math.log2(interval_s / 2.0)), _SLOWEST + 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlickerNoise(NoiseEffect):
-    """U + n with n of the one-sided density S(f) = v²/(ln 10·f), f from 2 µHz to half the rate of scans (domain, FLK).
+    """U + n with n of the one-sided density S(f) = v²/(ln 10·f), f from 2 µHz to half the scan rate (domain, FLK).
 
-    The integral of S over a decade of frequency is v²: `v_rms_per_decade` is the rms of the part of the noise between a
-    frequency and ten times it. The Allan deviation is flat at v·√(2·ln 2/ln 10) = 0.776·v: divided by the scale factor,
-    the bias instability.
+    The integral of S over a decade of frequency is v²: `v_rms_per_decade` is the rms of the noise between a frequency
+    and ten times it. The Allan deviation is flat at v·√(2·ln 2/ln 10) = 0.776·v: divided by the scale factor, the bias
+    instability.
 
     The noise is a sum of first-order (Ornstein-Uhlenbeck) processes an octave apart, each of variance v²·log10(2) and
-    exact at the instants of the scans however far these are apart; it is stationary from the first scan on.
+    exact at the scan instants for any spacing; it is stationary from the first scan on.
     """
 
     v_rms_per_decade: float
@@ -63,7 +63,7 @@ class FlickerNoise(NoiseEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output on its flickering bias."""
+        """Return the output with flicker noise of the bias."""
         taus_s = time_constants_s(signals.interval_s)
         count = taus_s.size
         last_s, *values = signals.memory.get(self.identifier, (signals.time_s[0],))
@@ -76,10 +76,10 @@ class FlickerNoise(NoiseEffect):
         ends = np.empty(count)
         for k, tau_s in enumerate(taus_s.tolist()):
             first = states[k] * math.exp(-waited_s / tau_s) + chance[0, k] * _fresh(waited_s / tau_s)
-            left = math.exp(-signals.interval_s / tau_s)
+            decay = math.exp(-signals.interval_s / tau_s)
             pushes = chance[:, k] * _fresh(signals.interval_s / tau_s)
             pushes[0] = first
-            process = scipy.signal.lfilter([1.0], [1.0, -left], pushes)
+            process = scipy.signal.lfilter([1.0], [1.0, -decay], pushes)
             flicker += process
             ends[k] = process[-1]
         flicker *= self.v_rms_per_decade * math.sqrt(math.log10(2.0))
@@ -88,7 +88,7 @@ class FlickerNoise(NoiseEffect):
         return replace(signals, output_v=flicker, memory={**signals.memory, self.identifier: kept})
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The bias flickers, {1e6 * self.v_rms_per_decade:.3g} µV rms in every decade of frequency: no temperature"
             " and no motion accounts for it, and longer means do not help."
@@ -96,5 +96,5 @@ class FlickerNoise(NoiseEffect):
 
 
 def _fresh(times: float) -> float:
-    """The deviation of what a process of unit variance has gained by chance after so many of its time constants."""
+    """Return the deviation of the random part of a process of unit variance after `times` time constants."""
     return math.sqrt(-math.expm1(-2.0 * times))

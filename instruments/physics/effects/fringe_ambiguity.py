@@ -1,4 +1,4 @@
-"""Beyond a rate the interferometer goes back on its fringe."""
+"""Effect: fringe ambiguity of the interferometer above some rate."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 
 
 def folded_dps(rate_dps: FloatArray, fold_dps: float) -> FloatArray:
-    """Rates of shape (n,), turned back at ±fold_dps as often as need be."""
+    """Return rates of shape (n,), folded back at ±fold_dps as often as necessary."""
     folded = rate_dps + fold_dps
     np.mod(folded, 4.0 * fold_dps, out=folded)
     folded -= 2.0 * fold_dps
@@ -26,7 +26,7 @@ def folded_dps(rate_dps: FloatArray, fold_dps: float) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FringeAmbiguity(PhysicalEffect):
-    """The rate folds back at ±fold_dps, as often as need be (domain facts, FOLD): a triangle of the true rate."""
+    """The rate folds back at ±fold_dps as often as necessary (domain facts, FOLD): a triangle wave of the true rate."""
 
     fold_dps: float
 
@@ -57,14 +57,14 @@ class FringeAmbiguity(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The folded rate."""
+        """Return the signals with the folded rate."""
         rate = signals.sensed_rate_dps
         if max(rate.max(), -rate.min()) <= self.fold_dps:
             return signals
         return replace(signals, sensed_rate_dps=folded_dps(rate, self.fold_dps))
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"Beyond {self.fold_dps:.4g} °/s the output turns back: the interferometer has passed the top of its"
             " fringe, and two rates give the same volts."

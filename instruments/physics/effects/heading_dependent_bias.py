@@ -1,4 +1,4 @@
-"""The bias depends on where the gyro points."""
+"""Effect: dependence of the bias on the gyro's heading."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class HeadingDependentBias(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output with the bias of the table's angle."""
+        """Return the output with the bias at the table's angle."""
         volts = signals.angle_deg - self.phase_deg
         volts *= math.radians(self.order)
         np.cos(volts, out=volts)
@@ -58,7 +58,7 @@ class HeadingDependentBias(PhysicalEffect):
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         often = {1: "once", 2: "twice"}.get(round(self.order), f"{self.order:.0f} times")
         return (
             f"The bias changes by ±{1e3 * self.amplitude_v:.3g} mV with the heading, {often} a turn and at any rate:"

@@ -1,7 +1,7 @@
-"""Three kinds of effect that the simulated bench and a diagnosis must each treat in their own way.
+"""Kinds of effects that the simulated bench and a diagnosis treat differently.
 
-The bench plays them forwards, sample by sample, and knows the true motion. A diagnosis holds what the encoder said, on
-the recording's own samples, which are too coarse for a difference equation but, being band-limited, exact in frequency.
+The bench simulates them forwards, sample by sample, and knows the true motion. A diagnosis has the encoder's angles at
+the recording's samples, which are too coarse for a difference equation but, being band-limited, exact in frequency.
 """
 
 from __future__ import annotations
@@ -11,43 +11,43 @@ from dataclasses import replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-import scipy  # which loads signal when it is first used
+import scipy  # scipy.signal is loaded on first use
 
 from benchctl_instruments.arrays import ComplexArray, FloatArray
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 
 FORGETTING_TIME_CONSTANTS = 20.0
-"""After that many of its slowest time constant a filter has forgotten its start, to 2e-9 of it."""
+"""After this multiple of its slowest time constant a filter has forgotten its initial state, except for 2e-9 of it."""
 
 
 class FilterEffect(PhysicalEffect):
     """A linear filter of one signal, given in continuous time; its gain at 0 Hz is 1.
 
-    On a dense grid it is a difference equation (triangle hold: exact for an input that runs straight from sample to
-    sample), on the samples of a recording a product in frequency.
+    On a dense grid it is a difference equation (triangle hold: exact for an input that is linear between samples), on
+    the samples of a recording a product in the frequency domain.
     """
 
     filtered: ClassVar[Literal["output_v", "sensed_rate_dps"]]
 
     @abstractmethod
     def transfer_function(self) -> tuple[FloatArray, FloatArray]:
-        """Numerator and denominator in powers of s [rad/s], highest first."""
+        """Return numerator and denominator in powers of s [rad/s], highest first."""
 
     @property
     @abstractmethod
     def memory_s(self) -> float:
-        """How long, s, it remembers: after that a start from a wrong state is forgotten."""
+        """The time [s] after which a wrong initial state is forgotten."""
 
     def response(self, frequency_hz: FloatArray) -> ComplexArray:
-        """Its complex gain at frequencies [Hz], shape (m,)."""
+        """Return its complex gain at frequencies [Hz], shape (m,)."""
         s = 2j * np.pi * frequency_hz
         numerator, denominator = self.transfer_function()
         gain: ComplexArray = np.polyval(numerator, s) / np.polyval(denominator, s)
         return gain
 
     def apply(self, signals: Signals) -> Signals:
-        """The filtered signal; without the samples just before, its input was long as it begins."""
+        """Return the filtered signal; without the previous samples, a long constant input is assumed."""
         if any(getattr(self, name) == parameter.zero for name, parameter in self.parameters.items()):
             return signals
         numerator, denominator = self._difference_equation(signals.interval_s)
@@ -68,45 +68,45 @@ class FilterEffect(PhysicalEffect):
 
 
 class ClockEffect(PhysicalEffect):
-    """The gyro's samples are not of the instant of their stamps; the encoder's are.
+    """The gyro's sampling instants differ from their stamps; the encoder's do not.
 
-    The bench asks `gyro_time_s` when it samples, a diagnosis when it predicts: `apply` has nothing left to do.
+    The bench calls `gyro_time_s` when it samples, a diagnosis when it predicts: `apply` changes nothing.
     """
 
     @abstractmethod
     def gyro_time_s(self, stamp_s: FloatArray) -> FloatArray:
-        """The instants [s] of which the gyro's samples are, for their stamps [s]; both of shape (n,)."""
+        """Return the sampling instants [s] of the gyro for stamps [s]; both of shape (n,)."""
 
     def apply(self, signals: Signals) -> Signals:
-        """The signals as they are."""
+        """Return the signals unchanged."""
         return signals
 
 
 class EncoderEffect(PhysicalEffect):
-    """The encoder states another angle than the table's."""
+    """The encoder's angle differs from the table's angle."""
 
     @abstractmethod
     def error_deg(self, angle_deg: FloatArray) -> FloatArray:
-        """What it adds to true angles [deg], shape (n,)."""
+        """Return the error [deg] at true angles [deg], shape (n,)."""
 
     @abstractmethod
     def error_slope(self, angle_deg: FloatArray) -> FloatArray:
-        """The derivative of `error_deg` by the angle, shape (n,), without unit."""
+        """Return the derivative of `error_deg` with respect to the angle, shape (n,), dimensionless."""
 
     @property
     @abstractmethod
     def waves_a_turn(self) -> float:
-        """How often a turn it repeats."""
+        """Number of its periods per turn."""
 
     def apply(self, signals: Signals) -> Signals:
-        """What the encoder states."""
+        """Return the signals with the encoder's angle."""
         return replace(signals, encoder_deg=signals.encoder_deg + self.error_deg(signals.angle_deg))
 
     def true_motion(self, signals: Signals) -> Signals:
-        """Angle, rate and acceleration of the table from those that the encoder states.
+        """Return angle, rate and acceleration of the table, computed from those of the encoder.
 
-        With e the error, θ + e(θ) is stated, and (1 + e′)·ω. The error is small: two steps of a fixed point are exact
-        to far below its own size. The change of e′ along the way is left out of the acceleration.
+        With the error e, the encoder reports θ + e(θ) and (1 + e′)·ω. The error is small: two fixed-point iterations
+        are exact to far below its own size. The change of e′ with time is neglected in the acceleration.
         """
         angle = signals.angle_deg - self.error_deg(signals.angle_deg)
         angle = signals.angle_deg - self.error_deg(angle)
@@ -122,7 +122,7 @@ class EncoderEffect(PhysicalEffect):
 
 
 class NoiseEffect(PhysicalEffect):
-    """A random process or a fault of the data: the bench draws it, a diagnosis knows it by its statistics.
+    """A random process or a fault of the data: the bench draws it; a diagnosis uses its statistics.
 
-    The circumstance `seed` makes the draw repeatable; draws do not depend on how a run is cut into stretches.
+    The circumstance `seed` makes the draw reproducible; draws do not depend on how a run is cut into segments.
     """

@@ -1,4 +1,4 @@
-"""A line of the mains in the output."""
+"""Effect: mains pickup in the output."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 class MainsPickup(PhysicalEffect):
     """U + amplitude·sin(2π·frequency·t + phase) (domain facts, MAINS).
 
-    t counts from `start_s`. A line above half the sample rate is seen at its alias; the samples do not tell which
-    of the frequencies that share an alias it is.
+    t counts from `start_s`. A line above half the sample rate appears at its alias; frequencies with the same alias
+    cannot be distinguished.
     """
 
     amplitude_v: float
@@ -50,7 +50,7 @@ class MainsPickup(PhysicalEffect):
             scan=(50.0, 60.0, 100.0, 120.0, 150.0, 400.0),
             logarithmic=True,
             by_scan=True,
-            nudge=1e-9,  # 50 Hz go through 10⁶ rad in an hour
+            nudge=1e-9,  # 50 Hz is 10⁶ rad in an hour
         ),
         "phase_deg": Parameter(
             unit="degree", meaning="phase of the sine at t = 0", low=0.0, high=360.0, role="phase", scan=(0.0, 90.0)
@@ -58,7 +58,7 @@ class MainsPickup(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output with the line."""
+        """Return the output with the line."""
         line = signals.time_s - self.start_s
         line *= 2.0 * math.pi * self.frequency_hz
         line += math.radians(self.phase_deg)
@@ -68,7 +68,7 @@ class MainsPickup(PhysicalEffect):
         return replace(signals, output_v=line)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The output carries a line of {1e3 * self.amplitude_v:.3g} mV at {self.frequency_hz:.6g} Hz, whatever the"
             " table does: pickup of the mains or of a drive."

@@ -1,4 +1,4 @@
-"""From tables of parameters, as a model file or a bench.toml states them, to effects."""
+"""Create effects from tables of parameters in a model file or a bench.toml."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ def make_effects(
     *,
     where: str = "effects",
 ) -> tuple[PhysicalEffect, ...]:
-    """Effects from their parameters, by identifier, in the order in which those of one stage act.
+    """Return effects from their parameters, by identifier, in the order in which those of one stage act.
 
-    Of kinds of which there may be several a further one is named `identifier_2`, `identifier_3` and so on. A table may
-    also state circumstances of its effect; those win over the `circumstances` that all share.
+    If a kind allows several effects, further ones are named `identifier_2`, `identifier_3` and so on. A table may also
+    state circumstances of its effect; these override the common `circumstances`.
 
     Raises
     ------
     UsageError
-        Names the effect or field that is not known, missing, no finite number or out of bounds, as `[where.effect]`.
+        If an effect or field is unknown, missing, not a finite number or out of bounds; named as `[where.effect]`.
     """
     order = {identifier: place for place, identifier in enumerate(LATE)}
     made = [_made(name, table, circumstances or {}, where) for name, table in tables.items()]

@@ -1,4 +1,4 @@
-"""The gyro does not turn with the table: its mount gives way."""
+"""Effect: resonance of the gyro's mount."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from benchctl_instruments.physics.effects.kinds import FORGETTING_TIME_CONSTANTS
 class MountResonance(FilterEffect):
     """Base excitation of a spring and damper between table and gyro (domain facts, RES).
 
-    The gyro's rate is the table's through (2ζωₙs + ωₙ²)/(s² + 2ζωₙs + ωₙ²).
+    The gyro's rate is the table's rate filtered by (2ζωₙs + ωₙ²)/(s² + 2ζωₙs + ωₙ²).
     """
 
     frequency_hz: float
@@ -52,7 +52,7 @@ class MountResonance(FilterEffect):
             unit="1",
             meaning="damping ratio ζ",
             low=0.002,
-            high=0.5,  # a loss factor of one, which hardly a rubber has: beyond it nothing rings
+            high=0.5,  # a loss factor of one, larger than that of most rubbers: there is no resonance above
             role="shape",
             scan=(0.02, 0.1, 0.4),
             logarithmic=True,
@@ -60,26 +60,26 @@ class MountResonance(FilterEffect):
     }
 
     def assuming(self, names: Collection[str]) -> MountResonance | None:
-        """With the damping assumed: motion that stays below the resonance shows how the gain rises, and little else."""
+        """Return it with an assumed damping: motion below the resonance determines only the rise of the gain."""
         if set(names) != {"damping"}:
             return None
         likely = min(self.parameters["damping"].scan, key=lambda one: abs(math.log(one / self.damping)))
         return _BelowResonance(frequency_hz=self.frequency_hz, damping=likely)
 
     def transfer_function(self) -> tuple[FloatArray, FloatArray]:
-        """Numerator and denominator in powers of s, highest first."""
+        """Return numerator and denominator in powers of s, highest first."""
         slowness = 1.0 / (2.0 * math.pi * self.frequency_hz)
         damped = 2.0 * self.damping * slowness
         return np.array([damped, 1.0]), np.array([slowness**2, damped, 1.0])
 
     @property
     def memory_s(self) -> float:
-        """The slowest pole lies at ζωₙ, beyond critical damping at (ζ − √(ζ² − 1))·ωₙ."""
+        """The slowest pole is at ζωₙ, above critical damping at (ζ − √(ζ² − 1))·ωₙ."""
         slowest = self.damping - math.sqrt(max(self.damping**2 - 1.0, 0.0))
         return FORGETTING_TIME_CONSTANTS / (2.0 * math.pi * self.frequency_hz * slowest)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The gyro's mount gives way: it rings at {self.frequency_hz:.3g} Hz with a damping ratio of"
             f" {self.damping:.2g}, which the encoder does not see."
@@ -88,7 +88,7 @@ class MountResonance(FilterEffect):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _BelowResonance(MountResonance):
-    """A mount whose resonance lies beyond the motion, which does not determine its damping."""
+    """A mount whose resonance is above the frequencies of the motion, which does not determine its damping."""
 
     parameters: ClassVar[Mapping[str, Parameter]] = {
         **MountResonance.parameters,
@@ -96,7 +96,7 @@ class _BelowResonance(MountResonance):
     }
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             "The gyro's mount gives way: the gain rises with frequency, towards a resonance at"
             f" {self.frequency_hz:.3g} Hz, which the encoder does not see. The motion stays below it: the damping ratio"

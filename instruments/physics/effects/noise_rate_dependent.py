@@ -1,4 +1,4 @@
-"""The faster it turns, the noisier it is."""
+"""Effect: noise that grows with the rate."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from benchctl_instruments.physics.effects.kinds import NoiseEffect
 class NoiseRateDependent(NoiseEffect):
     """White noise of deviation σ·√(1 + (factor² − 1)·(ω/range)²) (domain facts, SLIP).
 
-    σ is `noise_v_rms`, the deviation of a streamed sample at rest. That noise the bench has already: what is missing to
-    the whole is added, independent of it. ω is the table's rate, `range_dps` the rated one.
+    σ is `noise_v_rms`, the deviation of a streamed sample at rest. The bench already includes this noise: the effect
+    adds the remaining part, independent of it. ω is the table's rate, `range_dps` the rated one.
     """
 
     factor_at_full_rate: float
@@ -52,7 +52,7 @@ class NoiseRateDependent(NoiseEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output with the noise of motion."""
+        """Return the output with the rate-dependent noise."""
         volts = normals(self.seed, self.identifier, signals.first_index, signals.time_s.size, 1)[:, 0]
         volts *= np.abs(signals.rate_dps)
         volts *= self.noise_v_rms * math.sqrt(self.factor_at_full_rate**2 - 1.0) / self.range_dps
@@ -60,5 +60,5 @@ class NoiseRateDependent(NoiseEffect):
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return f"The noise grows with the rate: at full range it is {self.factor_at_full_rate:.3g} times that at rest."

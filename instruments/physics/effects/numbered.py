@@ -1,4 +1,4 @@
-"""Names for several effects of one kind: `encoder_eccentricity`, `encoder_eccentricity_2`, `encoder_eccentricity_3`."""
+"""Names of several effects of one kind: `encoder_eccentricity`, `encoder_eccentricity_2`, `encoder_eccentricity_3`."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ _NUMBERED = re.compile(r"(?P<identifier>.+)_(?P<number>[2-9]|[1-9]\d+)", re.ASCI
 
 
 def numbered(identifier: str, number: int) -> str:
-    """The name of the first, second, … effect of a kind; of the first it is the identifier."""
+    """Return the name of the first, second, … effect of a kind; the first one has the identifier as name."""
     return identifier if number == 1 else f"{identifier}_{number}"
 
 
 def identifier_in(name: str, known: Mapping[str, type[DescribedEffect]]) -> str:
-    """The identifier of an effect that a table names; the name itself where it is no numbered one.
+    """Return the identifier of an effect that a table names; a name without number is returned unchanged.
 
-    Only of kinds of which there may be `several` a name is a numbered one.
+    Numbers are recognized only for kinds that allow `several` effects.
     """
     match = _NUMBERED.fullmatch(name)
     if name in known or match is None:

@@ -1,4 +1,4 @@
-"""Single samples that have nothing to do with the gyro."""
+"""Effect: single samples that are unrelated to the gyro."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import scipy  # which loads special when it is first used
+import scipy  # scipy.special is loaded on first use
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals, Stage
@@ -22,9 +22,9 @@ NORMAL, EXPONENTIAL = 2.0, 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outliers(NoiseEffect):
-    """A fraction of the samples is off by errors of a scale (domain facts, SPIKE), normal or with exponential tails.
+    """A fraction of the samples has errors (domain facts, SPIKE), normal or with exponential tails.
 
-    Which samples are hit is chance, each independently of the others.
+    The affected samples are random and independent of each other.
     """
 
     fraction: float
@@ -76,7 +76,7 @@ class Outliers(NoiseEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output with spikes."""
+        """Return the output with spikes."""
         chance = normals(self.seed, self.identifier, signals.first_index, signals.time_s.size, 2)
         hit = chance[:, 0] < scipy.special.ndtri(self.fraction)
         volts = signals.output_v.copy()
@@ -84,7 +84,7 @@ class Outliers(NoiseEffect):
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         size = "standard deviation" if self.tail_exponent == NORMAL else "mean size; few are many times as large"
         return (
             f"One sample in {1.0 / self.fraction if self.fraction else float('inf'):.3g} is a spike of"
@@ -93,6 +93,6 @@ class Outliers(NoiseEffect):
 
 
 def _laplace(normal: FloatArray) -> FloatArray:
-    """Normal numbers, shape (n,), as those of Laplace's distribution of scale 1 that stand at the same place of it."""
+    """Transform normal numbers, shape (n,), to the same quantiles of Laplace's distribution of scale 1."""
     tail: FloatArray = scipy.special.log_ndtr(-np.abs(normal)) + math.log(2.0)
     return -np.sign(normal) * tail

@@ -1,4 +1,4 @@
-"""Beyond a rate the electronics no longer follow the law of the gyro."""
+"""Effect: overload of the electronics above some rate."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overload(PhysicalEffect):
-    """Beyond ±onset_dps each further degree per second takes `loss_v_per_dps` from the output's size.
+    """Above ±onset_dps each further degree per second reduces the output's magnitude by `loss_v_per_dps`.
 
-    A loss above the scale factor makes the output fall again. The size of U − U0 is meant, in either direction.
+    A loss above the scale factor makes the output fall again. The magnitude is that of U − U0, in both directions.
     """
 
     onset_dps: float
@@ -57,14 +57,14 @@ class Overload(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output without what is lost; of a gyro whose scale factor is negative, too."""
+        """Return the output reduced by the loss; valid for a negative scale factor too."""
         rate = signals.sensed_rate_dps
         beyond = np.maximum(np.abs(rate) - self.onset_dps, 0.0)
         lost = self.loss_v_per_dps * beyond * np.sign(signals.output_v)
         return replace(signals, output_v=signals.output_v - lost)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"Beyond {self.onset_dps:.4g} °/s the gyro is overloaded: each further degree per second takes"
             f" {1e3 * self.loss_v_per_dps:.3g} mV from the output that its law gives."

@@ -1,4 +1,4 @@
-"""The scale factor depends on the rate."""
+"""Effect: dependence of the scale factor on the rate."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 class RateNonlinearity(PhysicalEffect):
     """k(ω) is missing: the scale factor is × (1 + c2·ω² + c4·ω⁴) (domain facts, SIN).
 
-    An open-loop interferometer puts out sin(S·ω)/S: c2 = −S²/6 and c4 = S⁴/120.
+    The output of an open-loop interferometer is sin(S·ω)/S: c2 = −S²/6 and c4 = S⁴/120.
     """
 
     c2: float
@@ -55,7 +55,7 @@ class RateNonlinearity(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output of a scale factor that depends on the rate."""
+        """Return the output with a rate-dependent scale factor."""
         squared = signals.sensed_rate_dps * signals.sensed_rate_dps
         volts = self.c4 * squared
         volts += self.c2
@@ -65,7 +65,7 @@ class RateNonlinearity(PhysicalEffect):
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         squared = self.range_dps**2
         change = squared * (self.c2 + self.c4 * squared)
         return (

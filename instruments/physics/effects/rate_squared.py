@@ -1,4 +1,4 @@
-"""The output has a part in the square of the rate."""
+"""Effect: an output term proportional to the square of the rate."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateSquared(PhysicalEffect):
-    """U + v·ω² (domain facts, SQ): of a non-reciprocal phase φ, v = −½·K0·S·φ."""
+    """U + v·ω² (domain facts, SQ): for a non-reciprocal phase φ, v = −½·K0·S·φ."""
 
     v_per_dps2: float
     range_dps: float = 200.0
@@ -42,14 +42,14 @@ class RateSquared(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output with the square."""
+        """Return the output with the squared term."""
         volts = signals.sensed_rate_dps * signals.sensed_rate_dps
         volts *= self.v_per_dps2
         volts += signals.output_v
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             "The output holds a part in the square of the rate, the same in both directions:"
             f" {1e3 * self.v_per_dps2 * self.range_dps**2:+.3g} mV at {self.range_dps:.4g} °/s."

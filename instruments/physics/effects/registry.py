@@ -1,4 +1,4 @@
-"""Finds the effects: those that a module of this package defines, and those of the entry points `benchctl.effects`."""
+"""Registry of the effects: those defined in this package, and those of the entry points `benchctl.effects`."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from benchctl_instruments.physics.structures import structure_named
 
 @lru_cache(maxsize=1)
 def effects() -> MappingProxyType[str, type[PhysicalEffect]]:
-    """Every effect by its identifier, in alphabetical order; one of ours is not replaced by one of an entry point."""
-    return known_effects(package, PhysicalEffect)  # type: ignore[type-abstract]  # the base is what they are found by
+    """Return every effect by identifier, in alphabetical order; entry points cannot replace a built-in effect."""
+    return known_effects(package, PhysicalEffect)  # type: ignore[type-abstract]  # found by their base class
 
 
 def effect(identifier: str) -> type[PhysicalEffect]:
-    """The effect of an identifier, or the structure; of a gyro, none of another part.
+    """Return the gyro effect with an identifier, or the structure.
 
-    `UsageError` where there is none, or one of another package that cannot be used.
+    Raises `UsageError` if there is none, or one of another package that cannot be used.
     """
     known = effects()
     made = None if identifier in known else structure_named(identifier)

@@ -1,4 +1,4 @@
-"""The output stops at a limit."""
+"""Effect: saturation of the output."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ class Saturation(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The clipped output."""
+        """Return the clipped output."""
         return replace(signals, output_v=np.clip(signals.output_v, -self.limit_v, self.limit_v))
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return f"The output is clipped at ±{self.limit_v:.4g} V, below its rated limit."

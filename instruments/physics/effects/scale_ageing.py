@@ -1,4 +1,4 @@
-"""The scale factor runs away in time."""
+"""Effect: drift of the scale factor in time."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class ScaleAgeing(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output of a scale factor that changes with time."""
+        """Return the output with a scale factor that changes with time."""
         volts = signals.time_s - self.start_s
         volts *= self.per_hour / 3600.0
         volts += 1.0
@@ -49,7 +49,7 @@ class ScaleAgeing(PhysicalEffect):
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The scale factor {'falls' if self.per_hour < 0.0 else 'rises'} by {100.0 * abs(self.per_hour):.3g} %"
             " an hour, at any temperature."

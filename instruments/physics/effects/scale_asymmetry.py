@@ -1,4 +1,4 @@
-"""The scale factor of one direction is not that of the other."""
+"""Effect: different scale factors in the two directions."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class ScaleAsymmetry(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output of a scale factor that depends on the direction; at rest it is as it was."""
+        """Return the output with a direction-dependent scale factor; unchanged at rest."""
         volts = np.sign(signals.sensed_rate_dps)
         volts *= 0.5 * self.fraction
         volts += 1.0
@@ -50,7 +50,7 @@ class ScaleAsymmetry(PhysicalEffect):
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The scale factor is {100.0 * abs(self.fraction):.3g} % larger"
             f" {'counter-clockwise' if self.fraction > 0.0 else 'clockwise'} than the other way round."

@@ -1,4 +1,4 @@
-"""The scale factor does not split into a part of the rate and a part of the temperature."""
+"""Effect: coupling of rate and temperature in the scale factor."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScaleRateTemperatureCoupling(PhysicalEffect):
-    """k(T, ω) does not separate: the scale factor is × (1 + coefficient·(T−T0)·ω²) (domain facts, KTW).
+    """k(T, ω) is not separable: the scale factor is × (1 + coefficient·(T−T0)·ω²) (domain facts, KTW).
 
-    The interferometer's S, which sets the curvature of its sine, itself changes with temperature: the coefficient is
+    The interferometer's S, which determines the curvature of its sine, changes with temperature: the coefficient is
     −(S²/3)·(1/S)·dS/dT.
     """
 
@@ -46,7 +46,7 @@ class ScaleRateTemperatureCoupling(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output of a scale factor whose curvature depends on the coil's temperature."""
+        """Return the output with a scale factor whose curvature depends on the coil's temperature."""
         volts = signals.coil_c - self.T0_c
         volts *= self.coefficient
         volts *= signals.sensed_rate_dps
@@ -56,7 +56,7 @@ class ScaleRateTemperatureCoupling(PhysicalEffect):
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         change = self.coefficient * 10.0 * self.range_dps**2
         return (
             "The curvature of the characteristic changes with temperature: ten degrees above"

@@ -1,4 +1,4 @@
-"""The scale factor depends on the temperature."""
+"""Effect: temperature dependence of the scale factor."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class ScaleTemperature(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output of a scale factor that depends on the coil's temperature."""
+        """Return the output with a scale factor that depends on the coil's temperature."""
         delta_c = signals.coil_c - self.T0_c
         volts = self.a2 * delta_c
         volts += self.a1
@@ -66,7 +66,7 @@ class ScaleTemperature(PhysicalEffect):
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The scale factor depends on the temperature: by {1e6 * self.a1:+.3g} ppm a degree at {self.T0_c:.3g} °C,"
             f" and that slope itself changes by {2e6 * self.a2:+.3g} ppm a degree with every degree."

@@ -1,4 +1,4 @@
-"""The scale factor settles after the recording began."""
+"""Effect: warm-up of the scale factor after the start of the recording."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class ScaleWarmUp(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output of a scale factor that settles."""
+        """Return the output with a settling scale factor."""
         volts = left(signals.time_s, self.start_s, self.tau_s)
         volts *= self.fraction
         volts += 1.0
@@ -52,7 +52,7 @@ class ScaleWarmUp(PhysicalEffect):
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The scale factor begins {100.0 * abs(self.fraction):.3g} %"
             f" {'low' if self.fraction < 0.0 else 'high'} and settles with a time constant of {self.tau_s:.3g} s,"

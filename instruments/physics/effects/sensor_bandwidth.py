@@ -1,4 +1,4 @@
-"""The output follows the rate through a low-pass that nobody reckoned with."""
+"""Effect: a low-pass of the output that the model does not include."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class SensorBandwidth(FilterEffect):
     }
 
     def transfer_function(self) -> tuple[FloatArray, FloatArray]:
-        """Numerator and denominator in powers of s, highest first."""
+        """Return numerator and denominator in powers of s, highest first."""
         slowness = 1.0 / (2.0 * math.pi * self.cutoff_hz)
         if round(self.order) == 1:
             return np.array([1.0]), np.array([slowness, 1.0])
@@ -59,12 +59,12 @@ class SensorBandwidth(FilterEffect):
 
     @property
     def memory_s(self) -> float:
-        """The slowest pole lies at ω_c, or for order 2 at ω_c/√2."""
+        """The slowest pole is at ω_c, or for order 2 at ω_c/√2."""
         slowest = 1.0 if round(self.order) == 1 else math.sqrt(0.5)
         return FORGETTING_TIME_CONSTANTS / (2.0 * math.pi * self.cutoff_hz * slowest)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         slowest = 1.0 if round(self.order) == 1 else math.sqrt(2.0)
         delay_ms = 1e3 * slowest / (2.0 * math.pi * self.cutoff_hz)
         order = "first" if round(self.order) == 1 else "second"

@@ -1,4 +1,4 @@
-"""What warms up: an exponential in time since the recording began."""
+"""Exponential settling since the start of the recording."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SETTLING_TIME = Parameter(
 
 
 def left(time_s: FloatArray, start_s: float, tau_s: float) -> FloatArray:
-    """e^(−t/tau), t counted from `start_s`: an array of its own, shape (n,)."""
+    """Return e^(−t/tau) in a new array of shape (n,), t counted from `start_s`."""
     share = time_s - start_s
     share *= -1.0 / tau_s
     np.exp(share, out=share)

@@ -1,4 +1,4 @@
-"""Scale factor and bias follow the supply."""
+"""Effect: dependence of scale factor and bias on the supply voltage."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 class SupplySensitivity(PhysicalEffect):
     """U → U·(1 + fraction·ΔV) + v·ΔV (domain facts, PSU), of the output before its bias.
 
-    ΔV is the change of the supply [V] since the first sample: the scale factor and the bias are those of that supply.
-    It is the first of the channels recorded beside whose name begins with `supply`; without one nothing happens.
+    ΔV is the change of the supply [V] since the first sample, to which the scale factor and the bias refer. The supply
+    is the first auxiliary channel whose name begins with `supply`; without one the output does not change.
     """
 
     fraction_per_v: float
@@ -53,7 +53,7 @@ class SupplySensitivity(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output that follows the supply."""
+        """Return the output with the dependence on the supply."""
         channel = next((name for name in signals.auxiliary if name.startswith("supply")), None)
         if channel is None:
             return signals
@@ -68,7 +68,7 @@ class SupplySensitivity(PhysicalEffect):
         return replace(signals, output_v=volts, memory={**signals.memory, self.identifier: first})
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"A volt of the supply changes the scale factor by {100.0 * self.fraction_per_v:+.3g} %"
             f" and the bias by {1e3 * self.v_per_v:+.3g} mV."

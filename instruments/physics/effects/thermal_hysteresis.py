@@ -1,4 +1,4 @@
-"""The scale factor depends on the way by which the temperature came."""
+"""Effect: thermal hysteresis of the scale factor."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 class ThermalHysteresis(PhysicalEffect):
     """The scale factor is × (1 + fraction_per_c·(play(T; ±width) − T)) (domain facts, THYS).
 
-    play is the backlash operator: it stays where it is while T moves inside ±width of it, is pushed along beyond, and
-    begins at the first T. It knows no time, only the way: between stretches T is taken to run straight.
+    play is the backlash operator: it is constant while T moves within ±width of it, is pushed along otherwise, and
+    starts at the first T. It depends on the path, not on time: between segments T is assumed to be linear.
     """
 
     width_c: float
@@ -59,7 +59,7 @@ class ThermalHysteresis(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output of a scale factor that depends on the way."""
+        """Return the output with a scale factor that depends on the temperature path."""
         start = float(signals.memory.get(self.identifier, signals.coil_c)[0])
         volts = play(signals.coil_c, self.width_c, start)
         kept = volts[-1:].copy()
@@ -70,7 +70,7 @@ class ThermalHysteresis(PhysicalEffect):
         return replace(signals, output_v=volts, memory={**signals.memory, self.identifier: kept})
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         apart = 2.0 * self.width_c * self.fraction_per_c
         return (
             f"The scale factor is {100.0 * abs(apart):.3g} % {'lower' if apart > 0.0 else 'higher'} after heating than"
@@ -80,10 +80,10 @@ class ThermalHysteresis(PhysicalEffect):
 
 
 def play(x: FloatArray, half_width: float, start: float) -> FloatArray:
-    """The backlash operator p ← min(max(p, x − half_width), x + half_width), begun at `start`; shapes (n,).
+    """Return the backlash operator p ← min(max(p, x − half_width), x + half_width), started at `start`; shapes (n,).
 
-    A stretch of samples, whatever they are, maps the p before it to that after it by one clamp. So the samples are cut
-    into √n stretches: their clamps come for all at once, then the p between them, then the p inside, again for all.
+    Any segment of samples maps the p before it to the p after it by a single clamp. The samples are therefore cut into
+    √n segments: first the clamps of all segments are computed together, then p between them, then p inside all of them.
     """
     length = math.isqrt(x.size - 1) + 1
     count = -(-x.size // length)

@@ -1,4 +1,4 @@
-"""The coil is behind its thermistor."""
+"""Effect: thermal lag of the coil behind its thermistor."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import scipy  # which loads signal when it is first used
+import scipy  # scipy.signal is loaded on first use
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals, Stage
@@ -45,7 +45,7 @@ class ThermalLag(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The lagging coil; at the very first it is as warm as its thermistor. Between stretches T runs straight."""
+        """Return the lagging coil, initially at the thermistor's temperature. T is linear between segments."""
         if self.tau_s <= 0.0:
             return signals
         last_s, last_input, last_coil = signals.memory.get(
@@ -64,7 +64,7 @@ class ThermalLag(PhysicalEffect):
         )
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             "The fibre coil is colder than its thermistor while the chamber heats and warmer while it cools:"
             f" it lags by {self.tau_s:.3g} s."
@@ -72,15 +72,15 @@ class ThermalLag(PhysicalEffect):
 
 
 def _straight(start: float, end: float, wait_s: float, coil: float, tau_s: float) -> float:
-    """The coil after an input that ran straight from start to end."""
+    """Return the coil after a linear input from start to end."""
     if wait_s <= 0.0:
         return coil
-    slope, left = (end - start) / wait_s, math.exp(-wait_s / tau_s)
-    return end - slope * tau_s + (coil - start + slope * tau_s) * left
+    slope, decay = (end - start) / wait_s, math.exp(-wait_s / tau_s)
+    return end - slope * tau_s + (coil - start + slope * tau_s) * decay
 
 
 def _triangle_hold(step: float) -> tuple[FloatArray, FloatArray]:
-    """The exact difference equation of a lag for an input that runs straight from sample to sample."""
-    left = math.exp(-step)
+    """Return the exact difference equation of a lag for an input that is linear between samples."""
+    decay = math.exp(-step)
     share = -math.expm1(-step) / step
-    return np.array([1.0 - share, share - left]), np.array([1.0, -left])
+    return np.array([1.0 - share, share - decay]), np.array([1.0, -decay])

@@ -1,4 +1,4 @@
-"""The gyro's samples are older or younger than their stamps."""
+"""Effect: an offset between the gyro's sampling instants and their stamps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchctl_instruments.physics.effects.kinds import ClockEffect
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimingOffset(ClockEffect):
-    """At stamp t the gyro's sample is of t − offset, the encoder's of t (domain facts, DELAY)."""
+    """At stamp t the gyro is sampled at t − offset, the encoder at t (domain facts, DELAY)."""
 
     offset_s: float
 
@@ -41,10 +41,10 @@ class TimingOffset(ClockEffect):
     }
 
     def gyro_time_s(self, stamp_s: FloatArray) -> FloatArray:
-        """The instants [s] of which the gyro's samples are."""
+        """Return the sampling instants [s] of the gyro."""
         return stamp_s - self.offset_s
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         older = "older" if self.offset_s > 0.0 else "younger"
         return f"The gyro's samples are {1e3 * abs(self.offset_s):.3g} ms {older} than the encoder's of the same stamp."

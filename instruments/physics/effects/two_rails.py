@@ -1,4 +1,4 @@
-"""The output stops at a lower and an upper limit that are not of one size."""
+"""Effect: saturation of the output at two limits of different magnitude."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoRails(PhysicalEffect):
-    """U is clipped at two limits of its own each (domain facts, SAT: clip(U, U₋, U₊)); neither need be about 0 V."""
+    """U is clipped at two independent limits (domain facts, SAT: clip(U, U₋, U₊)), which need not include 0 V."""
 
     lower_v: float
     upper_v: float
@@ -56,9 +56,9 @@ class TwoRails(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The clipped output."""
+        """Return the clipped output."""
         return replace(signals, output_v=np.clip(signals.output_v, self.lower_v, self.upper_v))
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return f"The output is clipped between two rails, {self.lower_v:.4g} V and {self.upper_v:.4g} V."

@@ -1,4 +1,4 @@
-"""The bias settles after the recording began."""
+"""Effect: warm-up of the bias after the start of the recording."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ class WarmUp(PhysicalEffect):
     }
 
     def apply(self, signals: Signals) -> Signals:
-        """The output with a bias that settles."""
+        """Return the output with a settling bias."""
         volts = left(signals.time_s, self.start_s, self.tau_s)
         volts *= self.amplitude_v
         volts += signals.output_v
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
-        """The finding in one sentence."""
+        """Return the finding in one sentence."""
         return (
             f"The bias begins {1e3 * abs(self.amplitude_v):.3g} mV too {'low' if self.amplitude_v < 0.0 else 'high'}"
             f" and settles with a time constant of {self.tau_s:.3g} s, at any temperature: the gyro was warming up."

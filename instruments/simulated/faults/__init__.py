@@ -1,1 +1,1 @@
-"""Faults of the simulated bench, played when a schedule says so: on its links, in its instruments, in its stream."""
+"""Scheduled faults of the simulated bench: of its links, its instruments and its stream."""

@@ -1,4 +1,4 @@
-"""The faults of a whole simulated bench: tables in, machines with faults and links with faults out."""
+"""The faults of a complete simulated bench: converts tables to faulty machines and faulty links."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from benchctl_instruments.simulated.faults.machines import (
     FaultyTable,
     MachineFault,
 )
-from benchctl_instruments.simulated.faults.schedule import FaultLog, Faults, FaultTable, Fired
+from benchctl_instruments.simulated.faults.schedule import FaultLog, FaultTable, Fired, PendingFaults
 from benchctl_instruments.simulated.faults.stream_faults import (
     AnyStreamFault,
     FrameFault,
@@ -28,16 +28,16 @@ from benchctl_instruments.simulated.faults.wires import Lines
 from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine
 
 AnyFault = Annotated[AnyLinkFault | AnyMachineFault | AnyStreamFault | FrameFault, Field(discriminator="kind")]
-"""A table of `[[faults]]`, as pydantic reads it."""
+"""A table of `[[faults]]`, as pydantic parses it."""
 
 
 class BenchFaults:
-    """The faults of one simulated bench; where there is none for a machine or a link, that is left as it is.
+    """The faults of one simulated bench; machines and links without faults are returned unchanged.
 
     Parameters
     ----------
     faults
-        In the order in which those of one link are looked at.
+        In the order in which those of one link are checked.
     now
         Bench time.
     """
@@ -53,17 +53,17 @@ class BenchFaults:
         return self._log.fired
 
     def table(self, table: TableMachine) -> TableMachine:
-        """The table with its faults."""
+        """Return the table with its faults."""
         faults = self._of_machine("rate_table")
         return FaultyTable(table, faults, now=self._now, log=self._log) if faults else table
 
     def chamber(self, chamber: ChamberMachine) -> ChamberMachine:
-        """The chamber with its faults."""
+        """Return the chamber with its faults."""
         faults = self._of_machine("chamber")
         return FaultyChamber(chamber, faults, now=self._now, log=self._log) if faults else chamber
 
     def inputs(self, inputs: AnalogInputs) -> AnalogInputs:
-        """The digitizer's terminals with their faults."""
+        """Return the digitizer's terminals with their faults."""
         faults = self._of_machine("digitizer")
         drifts = [fault for fault in self._faults if isinstance(fault, ClockDrift)]
         return FaultyInputs(inputs, [*faults, *drifts], log=self._log) if faults or drifts else inputs
@@ -74,7 +74,7 @@ class BenchFaults:
         Raises
         ------
         UsageError
-            Where it has no link of that kind, or its protocol nothing that could be wrong in that way.
+            If it has no link of that kind, or its protocol does not support that fault.
         """
         links = [fault for fault in self._faults if fault.on == name and isinstance(fault, LinkFault)]
         if links:
@@ -91,7 +91,7 @@ class BenchFaults:
         packets = [fault for fault in self._faults if fault.on == stream and isinstance(fault, StreamFault)]
         if packets:
             _refuse_without(twin, "stream_faults", stream, packets)
-            twin.stream_faults = Faults(stream, packets, self._log)
+            twin.stream_faults = PendingFaults(stream, packets, self._log)
         frames = [fault for fault in self._faults if fault.on == name and isinstance(fault, FrameFault)]
         if frames:
             twin.line.disturb = FrameFaults(twin.frame_bytes, frames, batch_s=lambda: twin.batch_s, log=self._log)
@@ -110,7 +110,7 @@ def _refuse_without(twin: Any, attribute: str, name: str, faults: Iterable[Fault
 
 
 def _happen(twin: Any, what: str) -> None:
-    """Do it to the instrument; one that forgets nothing when it restarts has nothing to be done."""
+    """Apply an event to the instrument; a restart has no effect if it has no volatile state."""
     act = getattr(twin, what, None)
     if act is not None:
         act()

@@ -1,6 +1,6 @@
-"""The faults of one link while a simulated instrument is served: counted over all its connections, played on each.
+"""The faults of one link of a simulated instrument: counted over all its connections, played on each.
 
-Each kind makes of one request, and its true answer, what comes of it instead.
+Each kind of fault replaces the true answer to a request.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from typing import ClassVar, Literal, Protocol
 from pydantic import Field, field_validator
 
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.simulated.faults.schedule import FaultLog, Faults, FaultTable, Place, Positive
+from benchctl_instruments.simulated.faults.schedule import FaultLog, FaultTable, PendingFaults, Place, Positive
 from benchctl_instruments.simulated.faults.wires import Wire
 
 
 class Conversation(Protocol):
-    """One connection's side of a protocol, without I/O: bytes that came in, bytes to send back."""
+    """One connection's side of a protocol, without I/O: received bytes in, bytes to send out."""
 
     def feed(self, data: bytes) -> bytes:
-        """Take what arrived, however it was cut into packets, and answer what is complete; b"" where nothing is."""
+        """Add received bytes, cut anywhere, and return the answers to complete requests, or b""."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exchange:
-    """A request as it has come in.
+    """A received request.
 
-    `carry_out` has the instrument obey it and gives its true answer, b"" where it has none; to be called at most once.
-    `happen` does to the instrument what a hand or the world does: "open_interlock", "following_error", "restart".
+    `carry_out` makes the instrument execute it and returns its true answer, b"" if there is none; call it at most once.
+    `happen` applies an external event to the instrument: "open_interlock", "following_error", "restart".
     """
 
     request: bytes
@@ -41,8 +41,8 @@ class Exchange:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Piece:
-    """Bytes that leave `after_s` of wall time after what was before them."""
+class DelayedBytes:
+    """Bytes that are sent `after_s` of wall time after the preceding ones."""
 
     data: bytes
     after_s: float = 0.0
@@ -50,15 +50,14 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What leaves for one request.
+    """The bytes sent for one request.
 
-    `held` waits for the next request on the same connection and leaves `behind_s` of wall time before the answer to
-    that. With `cut` the
-    connection ends after the pieces. For `deaf_s` of wall time from now on the instrument hears nothing on any
-    connection; with `gone` it does not listen either, and every connection ends.
+    `held` is kept until the next request on the same connection and is sent `behind_s` of wall time before the answer
+    to that. With `cut` the connection ends after the pieces. For `deaf_s` of wall time from now on the instrument
+    receives nothing on any connection; with `gone` it does not listen either, and every connection ends.
     """
 
-    pieces: tuple[Piece, ...] = ()
+    pieces: tuple[DelayedBytes, ...] = ()
     held: bytes = b""
     behind_s: float = 0.0
     cut: bool = False
@@ -67,74 +66,74 @@ class Answer:
 
 
 def at_once(data: bytes) -> Answer:
-    """The whole answer without delay."""
-    return Answer(pieces=(Piece(data=data),))
+    """Return the complete answer without delay."""
+    return Answer(pieces=(DelayedBytes(data=data),))
 
 
 class LinkFault(FaultTable):
-    """A fault that befalls a request; `needs` names what the wire's protocol must have for it."""
+    """A fault of a request; `needs` names the property that the wire's protocol must have."""
 
     needs: ClassVar[str] = ""
 
     @abstractmethod
     def act(self, exchange: Exchange) -> Answer:
-        """What comes of the request."""
+        """Return the answer to the request."""
 
 
 class Silence(LinkFault):
-    """The request is carried out, its answer never comes."""
+    """The request is executed, but its answer is lost."""
 
     kind: Literal["silence"] = "silence"
 
     def act(self, exchange: Exchange) -> Answer:
-        """Nothing leaves."""
+        """Return no bytes."""
         exchange.carry_out()
         return Answer()
 
 
 class LostRequest(LinkFault):
-    """The request never arrives."""
+    """The request is lost."""
 
     kind: Literal["lost_request"] = "lost_request"
 
     def act(self, exchange: Exchange) -> Answer:
-        """Nothing is done, nothing leaves."""
+        """Execute nothing and return no bytes."""
         return Answer()
 
 
 class Late(LinkFault):
-    """The answer comes when the client has asked again, `behind_s` of wall time before the answer to that."""
+    """The answer is sent after the client's next request, `behind_s` of wall time before the answer to that."""
 
     kind: Literal["late"] = "late"
     behind_s: Positive = 0.03
 
     def act(self, exchange: Exchange) -> Answer:
-        """The answer is held back."""
+        """Hold the answer back."""
         return Answer(held=exchange.carry_out(), behind_s=self.behind_s)
 
 
 class Slow(LinkFault):
-    """The answer comes `delay_s` of wall time later, and with it all that was asked meanwhile."""
+    """The answer is sent `delay_s` of wall time later, and so are the answers to all requests received meanwhile."""
 
     kind: Literal["slow"] = "slow"
     delay_s: Positive = 0.3
 
     def act(self, exchange: Exchange) -> Answer:
-        """The answer, after a while."""
-        return Answer(pieces=(Piece(data=exchange.carry_out(), after_s=self.delay_s),))
+        """Return the answer with a delay."""
+        return Answer(pieces=(DelayedBytes(data=exchange.carry_out(), after_s=self.delay_s),))
 
 
 class _Spoilt(LinkFault):
-    """The answer is what the wire's own way to spoil it, the one that is needed, makes of it."""
+    """The answer is corrupted by the wire's function that `needs` names."""
 
     def act(self, exchange: Exchange) -> Answer:
-        """The answer, spoilt."""
+        """Return the corrupted answer."""
         answer, spoil = exchange.carry_out(), getattr(exchange.wire, self.needs)
         return at_once(spoil(answer) if answer and spoil else answer)
 
 
 class OtherUnit(_Spoilt):
-    """Another unit answers in its place: the answer comes under another unit's number."""
+    """Another unit answers instead: the answer has another unit's number."""
 
     kind: Literal["other_unit"] = "other_unit"
     needs = "other_unit"
@@ -148,27 +147,27 @@ class BadChecksum(_Spoilt):
 
 
 class HalfFloat(_Spoilt):
-    """The answer to a read lacks its last register, and is sound otherwise: half of a float."""
+    """The answer to a read lacks its last register and is otherwise valid: half of a float."""
 
     kind: Literal["half_float"] = "half_float"
     needs = "half_float"
 
 
 class Refusal(LinkFault):
-    """The instrument refuses what it would do at another time; `code` is Modbus' exception code."""
+    """The instrument refuses the request; `code` is Modbus' exception code."""
 
     kind: Literal["refusal"] = "refusal"
     needs = "refusal"
     code: int = Field(default=4, ge=1, le=255)
 
     def act(self, exchange: Exchange) -> Answer:
-        """Nothing is done, and that is said."""
+        """Execute nothing and return a refusal."""
         refuse = exchange.wire.refusal
         return at_once(refuse(exchange.request, self.code) if refuse else b"")
 
 
 class Junk(LinkFault):
-    """Bytes that nobody sent stand before, in or after the answer; `junk` is them in hex."""
+    """Junk bytes appear before, in or after the answer; `junk` is their hex text."""
 
     kind: Literal["junk_before", "junk_in", "junk_after"]
     junk: str = "ff 00 5a"
@@ -180,72 +179,74 @@ class Junk(LinkFault):
         return value
 
     def act(self, exchange: Exchange) -> Answer:
-        """The answer, and the junk in its place."""
+        """Return the answer with the junk in its place."""
         answer = exchange.carry_out()
         place = {"junk_before": 0, "junk_in": len(answer) // 2, "junk_after": len(answer)}[self.kind]
         return at_once(answer[:place] + bytes.fromhex(self.junk) + answer[place:])
 
 
 class Split(LinkFault):
-    """The answer comes in two pieces, `gap_s` of wall time apart."""
+    """The answer is sent in two pieces, `gap_s` of wall time apart."""
 
     kind: Literal["split"] = "split"
     gap_s: Positive = 0.02
 
     def act(self, exchange: Exchange) -> Answer:
-        """The two halves."""
+        """Return the two halves."""
         answer = exchange.carry_out()
         middle = len(answer) // 2
-        return Answer(pieces=(Piece(data=answer[:middle]), Piece(data=answer[middle:], after_s=self.gap_s)))
+        return Answer(
+            pieces=(DelayedBytes(data=answer[:middle]), DelayedBytes(data=answer[middle:], after_s=self.gap_s))
+        )
 
 
 class Cut(LinkFault):
-    """The answer breaks off in its middle; a TCP connection ends there."""
+    """The answer is cut in its middle; a TCP connection ends there."""
 
     kind: Literal["cut"] = "cut"
 
     def act(self, exchange: Exchange) -> Answer:
-        """Half of the answer, and no more."""
+        """Return half of the answer."""
         answer = exchange.carry_out()
-        return Answer(pieces=(Piece(data=answer[: len(answer) // 2]),), cut=True)
+        return Answer(pieces=(DelayedBytes(data=answer[: len(answer) // 2]),), cut=True)
 
 
 class PulledCable(LinkFault):
-    """For `for_s` of wall time nothing gets through: not this request, and no other, on whatever connection."""
+    """For `for_s` of wall time all requests are lost: this one, and others on any connection."""
 
     kind: Literal["pulled_cable"] = "pulled_cable"
     for_s: Positive = 0.5
 
     def act(self, exchange: Exchange) -> Answer:
-        """Nothing is done, nothing leaves."""
+        """Execute nothing and return no bytes."""
         return Answer(deaf_s=self.for_s)
 
 
 class Restart(LinkFault):
-    """The instrument starts anew: for `for_s` of wall time it is not there, then it is, as it is after power-on.
+    """The instrument restarts: for `for_s` of wall time it is absent, then it is in its state after power-on.
 
-    Its connections end, and new ones are refused meanwhile; a serial line is silent. What an instrument forgets when it
-    restarts is its twin's business.
+    Its connections end, and new ones are refused meanwhile; a serial line is silent. The twin determines what an
+    instrument loses by a restart.
     """
 
     kind: Literal["restart"] = "restart"
     for_s: Positive = 0.3
 
     def act(self, exchange: Exchange) -> Answer:
-        """Nothing is done, nothing leaves, and what was in the instrument's memory is gone."""
+        """Execute nothing, return no bytes, and reset the instrument's volatile state."""
         exchange.happen("restart")
         return Answer(deaf_s=self.for_s, gone=True)
 
 
 class TableTrips(LinkFault):
-    """Before the request is carried out the table is tripped: by hand at its interlock, or by its following error."""
+    """Before the request is executed the table is tripped: by its interlock, or by its following error."""
 
     places: ClassVar[tuple[Place, ...]] = ("rate_table",)
 
     kind: Literal["interlock_opened", "following_error"]
 
     def act(self, exchange: Exchange) -> Answer:
-        """The true answer of a table that has just tripped."""
+        """Return the true answer of a table that has just tripped."""
         exchange.happen({"interlock_opened": "open_interlock", "following_error": "trip"}[self.kind])
         return at_once(exchange.carry_out())
 
@@ -269,22 +270,22 @@ AnyLinkFault = (
 
 
 class LinkFaults:
-    """What befalls the requests on one link. Of several faults that are due at one request the first one happens.
+    """The faults of the requests on one link. If several faults are due at one request, the first one happens.
 
     Parameters
     ----------
     where
-        The link's name, as the log states it.
+        The link's name in the log.
     faults
-        In the order in which they are looked at; every one counts every request.
+        In the order in which they are checked; every one counts every request.
     wire
         The link's protocol.
     now
         Bench time.
     happen
-        Does to the instrument what the world does to it: `Exchange.happen`.
+        Applies an external event to the instrument: `Exchange.happen`.
     log
-        Where to note what has happened.
+        The log of faults that have happened.
     """
 
     def __init__(
@@ -304,20 +305,20 @@ class LinkFaults:
                     " that could be wrong in that way; choose another kind"
                 )
         self._wire, self._now, self._happen = wire, now, happen
-        self._faults = Faults(where, faults, log)
+        self._faults = PendingFaults(where, faults, log)
         self._lock = threading.Lock()
-        self._deaf_until_s = 0.0  # by the wall
+        self._deaf_until_s = 0.0  # wall time
 
     def on(self, conversation: Conversation) -> FaultyConversation:
-        """A connection's conversation, with the link's faults."""
+        """Return a connection's conversation with the link's faults."""
         return FaultyConversation(self, conversation)
 
     def requests(self, data: bytes) -> list[bytes]:
-        """What has arrived at once, taken apart into requests."""
+        """Split bytes that arrived together into requests."""
         return self._wire.requests(data)
 
     def answer(self, request: bytes, carry_out: Callable[[], bytes]) -> Answer:
-        """What comes of a request on whatever connection."""
+        """Return the answer to a request on any connection."""
         with self._lock:
             if time.monotonic() < self._deaf_until_s:
                 return Answer()
@@ -333,7 +334,7 @@ class LinkFaults:
 
 
 class FaultyConversation:
-    """One connection's conversation, request by request."""
+    """One connection's conversation with faults, request by request."""
 
     def __init__(self, faults: LinkFaults, conversation: Conversation) -> None:
         self._faults = faults
@@ -341,8 +342,8 @@ class FaultyConversation:
         self._held = Answer()
 
     def answer(self, data: bytes) -> Answer:
-        """What leaves for what has arrived."""
-        pieces: list[Piece] = []
+        """Return what is sent for the received bytes."""
+        pieces: list[DelayedBytes] = []
         answer = Answer()
         for request in self._faults.requests(data):
             answer = self._answer(request)
@@ -352,10 +353,10 @@ class FaultyConversation:
         return replace(answer, pieces=tuple(pieces))
 
     def _answer(self, request: bytes) -> Answer:
-        """What leaves for a request, an answer that was held back before it."""
+        """Return what is sent for a request, preceded by an answer that was held back."""
         answer = self._faults.answer(request, lambda: self._conversation.feed(request))
         late, self._held = self._held, answer
         if not late.held:
             return answer
-        before = (Piece(data=late.held), Piece(data=b"", after_s=late.behind_s))
+        before = (DelayedBytes(data=late.held), DelayedBytes(data=b"", after_s=late.behind_s))
         return replace(answer, pieces=(*before, *answer.pieces))

@@ -1,7 +1,7 @@
-"""The faults of the simulated machines: what a sensor, a drive or a crystal may do, and machines that do it.
+"""The faults of the simulated machines (sensor, drive, crystal), and machines with these faults.
 
-An operation is one look at the machine or one demand; it reads as `air`, `set point -20`, `motion`, `sample`. Looks
-come as often as somebody looks, so windows of bench time say best when such a fault happens.
+An operation is one read of the machine or one demand; its text is `air`, `set point -20`, `motion`, `sample`. The
+number of reads depends on the client, so windows of bench time are the best way to schedule such a fault.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine
 
 
 class MachineFault(FaultTable):
-    """A fault of a machine; once it has come it lasts `for_s` of bench time."""
+    """A fault of a machine; once it has begun it lasts `for_s` of bench time."""
 
     for_s: float = Field(default=math.inf, gt=0)
 
 
 class StuckReading(MachineFault):
-    """What is read stays what it was: air, motion, or all that is sampled. The machine itself goes on."""
+    """Readings are frozen: air, motion, or all that is sampled. The machine itself continues."""
 
     kind: Literal["stuck_reading"] = "stuck_reading"
 
@@ -43,7 +43,7 @@ class OverRange(MachineFault):
 
 
 class StallsShort(MachineFault):
-    """The chamber comes to a halt `short_c` before every set point that is demanded meanwhile."""
+    """The chamber stops `short_c` before every set point demanded during the fault."""
 
     places: ClassVar[tuple[Place, ...]] = ("chamber",)
 
@@ -70,7 +70,7 @@ class EncoderJump(MachineFault):
 
 
 class ClockDrift(FaultTable):
-    """The digitizer's crystal is fast by `ppm` (slow where it is below 0), all the time: the schedule is not asked."""
+    """The digitizer's crystal is fast by `ppm` (slow if negative), all the time, independent of the schedule."""
 
     places: ClassVar[tuple[Place, ...]] = ("digitizer",)
 
@@ -85,21 +85,22 @@ FaultT = TypeVar("FaultT", bound=MachineFault)
 
 
 class Spell(Generic[FaultT]):
-    """One fault of one machine; safe from any thread.
+    """One fault of one machine. Thread-safe.
 
     Parameters
     ----------
     where
-        The instrument's name, as the log states it.
+        The instrument's name in the log.
     fault
-        What happens, and when.
+        The fault and its schedule.
     log
-        Where to note it.
+        The log of faults that have happened.
 
     Attributes
     ----------
     since_s
-        When it last began, in bench time: with its window, where it did so between two looks, else with a look.
+        Bench time of its last beginning: the start of its window if that is between two reads, otherwise that of a
+        read.
     """
 
     def __init__(self, where: str, fault: FaultT, log: FaultLog) -> None:
@@ -112,7 +113,7 @@ class Spell(Generic[FaultT]):
         self._lock = threading.Lock()
 
     def lasts(self, operation: str, now_s: float) -> bool:
-        """Take a look at the machine into account: what is done, and the bench time; whether the fault is there."""
+        """Count an operation on the machine at a bench time; return whether the fault is active."""
         with self._lock:
             if now_s >= self._until_s and self._schedule.fires(operation, now_s):
                 self.since_s = self.fault.from_s if self._looked_s < self.fault.from_s else now_s
@@ -124,7 +125,7 @@ class Spell(Generic[FaultT]):
 
 
 def spells(where: str, faults: Iterable[object], kind: type[FaultT], log: FaultLog) -> list[Spell[FaultT]]:
-    """Those of a machine's faults that are of one kind."""
+    """Return those of a machine's faults that are of one kind."""
     return [Spell(where, fault, log) for fault in faults if isinstance(fault, kind)]
 
 
@@ -132,20 +133,20 @@ Samples = tuple[IntArray, FloatArray, FloatArray]
 
 
 class FaultyInputs:
-    """An `AnalogInputs` around another one.
+    """An `AnalogInputs` with faults around another one.
 
-    A fault of the terminals begins with the scan whose instant it is, where it begins with its window, so that samples
-    do not depend on how many are taken at once. Where the crystal drifts, every time that passes through here is the
-    digitizer's own: fast by so much since bench time 0.
+    A fault of the terminals that begins with its window begins at the scan of that instant, so that samples do not
+    depend on how many scans are sampled together. If the crystal drifts, every time of this class is the digitizer's
+    own: fast by `ppm` since bench time 0.
 
     Parameters
     ----------
     inputs
         The true ones.
     faults
-        What befalls them; those of other machines are none of their business.
+        Their faults; those of other machines are ignored.
     log
-        Where to note what has happened.
+        The log of faults that have happened.
     """
 
     def __init__(self, inputs: AnalogInputs, faults: Sequence[MachineFault | ClockDrift], *, log: FaultLog) -> None:
@@ -157,11 +158,11 @@ class FaultyInputs:
         self._before: tuple[int, float, float] | None = None  # the scan before this block
 
     def now(self) -> float:
-        """The present instant, by the digitizer's crystal."""
+        """Return the present instant, by the digitizer's crystal."""
         return self._inputs.now() * self._pace
 
     def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
-        """Block until an instant by the digitizer's crystal has come."""
+        """Block until an instant by the digitizer's crystal is reached."""
         return self._inputs.wait_until(bench_time_s / self._pace, timeout_s)
 
     def hold_history(self, since_s: float | None) -> None:
@@ -169,7 +170,7 @@ class FaultyInputs:
         self._inputs.hold_history(None if since_s is None else since_s / self._pace)
 
     def sample(self, first_s: float, interval_s: float, scans: int, *, start: int = 0) -> Samples:
-        """Count, gyro volts and thermistor volts, each of shape (scans,)."""
+        """Return count, gyro volts and thermistor volts, each of shape (scans,)."""
         samples = self._inputs.sample(first_s / self._pace, interval_s / self._pace, scans, start=start)
         times_s = first_s + interval_s * np.arange(start, start + scans, dtype=np.float64)
         self._jump(samples, times_s)
@@ -199,18 +200,18 @@ class FaultyInputs:
 
 
 class FaultyChamber:
-    """A `ChamberMachine` around another one.
+    """A `ChamberMachine` with faults around another one.
 
     Parameters
     ----------
     chamber
         The true one.
     faults
-        What befalls it; those of other machines are none of its business.
+        Its faults; those of other machines are ignored.
     now
         Bench time.
     log
-        Where to note what has happened.
+        The log of faults that have happened.
     """
 
     def __init__(
@@ -226,7 +227,7 @@ class FaultyChamber:
         self.power_percent, self.running, self.run = chamber.power_percent, chamber.running, chamber.run
 
     def air_c(self) -> float:
-        """Air temperature, as its sensor has it."""
+        """Return the air temperature, as its sensor reads it."""
         now_s = self._now()
         for over in self._over:
             if over.lasts("air", now_s):
@@ -236,11 +237,11 @@ class FaultyChamber:
         return self._last_c
 
     def setpoint_c(self) -> float:
-        """The set point as demanded."""
+        """Return the set point as demanded."""
         return self._demanded_c
 
     def set_setpoint(self, setpoint_c: float) -> None:
-        """A new set point; one that stalls is followed only so far."""
+        """Set a new set point; a stalling chamber follows it only partly."""
         self._demanded_c = setpoint_c
         reached_c, air_c = setpoint_c, self._chamber.air_c()
         for stall in self._stalls:
@@ -251,18 +252,18 @@ class FaultyChamber:
 
 
 class FaultyTable:
-    """A `TableMachine` around another one, whose motion is measured wrong at times.
+    """A `TableMachine` around another one, with faults of the measured motion.
 
     Parameters
     ----------
     table
         The true one.
     faults
-        What befalls it; those of other machines are none of its business.
+        Its faults; those of other machines are ignored.
     now
         Bench time.
     log
-        Where to note what has happened.
+        The log of faults that have happened.
     """
 
     def __init__(
@@ -278,7 +279,7 @@ class FaultyTable:
         self.demand_rate, self.demand_angle, self.demand_sine = table.demand_rate, table.demand_angle, table.demand_sine
 
     def motion(self) -> TableMotion:
-        """The motion as it is measured."""
+        """Return the measured motion."""
         now_s = self._now()
         if not any(spell.lasts("motion", now_s) for spell in self._stuck):
             self._last = self._table.motion()

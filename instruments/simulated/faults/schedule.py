@@ -1,7 +1,7 @@
-"""A fault as a table of bench.toml states it: where, of what kind, and when; and the counting of operations.
+"""A fault as a table of bench.toml: its place, kind and time; and the counting of operations.
 
-An operation is what is asked at once: a request on a link, a packet of a stream, one look at a machine. The same
-operations at the same bench times fire the same faults, whoever asks and however fast.
+An operation is one action on a place: a request on a link, a packet of a stream, one read of a machine. The same
+operations at the same bench times cause the same faults, for any client and speed.
 """
 
 from __future__ import annotations
@@ -27,43 +27,43 @@ class Fired:
 
 
 class FaultLog:
-    """The faults that have happened, oldest first; safe from any thread."""
+    """The faults that have happened, oldest first. Thread-safe."""
 
     def __init__(self) -> None:
         self._fired: list[Fired] = []
         self._lock = threading.Lock()
 
     def note(self, fired: Fired) -> None:
-        """Keep one more."""
+        """Add a fault to the log."""
         with self._lock:
             self._fired.append(fired)
 
     @property
     def fired(self) -> tuple[Fired, ...]:
-        """All so far."""
+        """All faults so far."""
         with self._lock:
             return tuple(self._fired)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class When:
-    """The operations at which a fault happens; all that is said must hold.
+    """The operations at which a fault happens; all conditions must hold.
 
     Parameters
     ----------
     pattern
-        Only operations in whose text this regular expression is found; the conditions below count these alone. How an
-        operation reads is a matter of its wire: `benchctl_instruments.simulated.faults.wires`.
+        Only operations whose text contains a match of this regular expression; the conditions below count only these.
+        The text of an operation depends on its wire: `benchctl_instruments.simulated.faults.wires`.
     from_s, to_s
         Only from this bench time on, and before that one.
     nth
         Only the nth of these, from 1.
     every
-        Every nth of these: the 3rd, 6th, 9th, ... where it is 3.
+        Every nth of these: the 3rd, 6th, 9th, ... if it is 3.
     every_s
-        The first of these in each stretch of so much bench time, counted from `from_s`.
+        The first of these in each interval of this length in bench time, counted from `from_s`.
     times
-        At most so often.
+        At most this number of times.
     """
 
     pattern: str = ""
@@ -76,7 +76,7 @@ class When:
 
 
 class Schedule:
-    """Counts operations against one `When`; not safe from several threads by itself.
+    """Counts operations for one `When`. Not thread-safe.
 
     Attributes
     ----------
@@ -89,10 +89,10 @@ class Schedule:
         self._when = when
         self._pattern = re.compile(when.pattern)
         self._counted = 0
-        self._stretch = -1  # the last one in which the fault happened
+        self._stretch = -1  # the last interval in which the fault happened
 
     def fires(self, operation: str, now_s: float) -> bool:
-        """Take the next operation into account: its text, and the bench time; whether the fault happens at it."""
+        """Count an operation, given its text and the bench time; return whether the fault happens at it."""
         when = self._when
         if not when.from_s <= now_s < when.to_s or not self._pattern.search(operation):
             return False
@@ -113,13 +113,13 @@ class Schedule:
 
 
 Place = Literal["rate_table", "chamber", "digitizer", "digitizer_stream", "gyro"]
-"""A link, named after the instrument at its end; the digitizer's stream has one of its own, `gyro` is a digital one."""
+"""A link, named after its instrument; the digitizer's stream has its own link, `gyro` is a digital gyro."""
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class FaultTable(BaseModel):
-    """What the tables of all kinds have; `kind` is the kind's own. The fields of time and counting are those of `When`.
+    """Fields common to all kinds of faults; `kind` identifies the kind. See `When` for the time and counting fields.
 
     Examples
     --------
@@ -173,17 +173,17 @@ class FaultTable(BaseModel):
 FaultT = TypeVar("FaultT", bound=FaultTable)
 
 
-class Faults(Generic[FaultT]):
-    """The faults of one link; of several that are due at one operation the first one happens.
+class PendingFaults(Generic[FaultT]):
+    """The faults of one link; if several are due at one operation, the first one happens.
 
     Parameters
     ----------
     where
-        The link's name, as the log states it.
+        The link's name in the log.
     faults
-        In the order in which they are looked at; every one counts every operation.
+        In the order in which they are checked; every one counts every operation.
     log
-        Where to note what has happened.
+        The log of faults that have happened.
     """
 
     def __init__(self, where: str, faults: Sequence[FaultT], log: FaultLog) -> None:
@@ -191,7 +191,7 @@ class Faults(Generic[FaultT]):
         self._faults = [(fault, Schedule(fault.when)) for fault in faults]
 
     def due(self, operation: str, now_s: float) -> FaultT | None:
-        """The fault that happens at an operation, by its text and the bench time."""
+        """Return the fault that happens at an operation, given its text and the bench time, or None."""
         due = [fault for fault, schedule in self._faults if schedule.fires(operation, now_s)]
         if not due:
             return None

@@ -1,22 +1,22 @@
-"""The faults of streams: packets of a digitizer's, frames of a digital gyro's.
+"""The faults of streams: packets of a digitizer's stream, frames of a digital gyro.
 
 An operation of a digitizer's stream is a packet, `packet 17`, at the instant of its first scan. Packets are counted
-from 0 in each stream. A T7's may begin with any number, so nobody can tell that packet 0 was lost.
+from 0 in each stream. A T7's numbers may begin anywhere, so the loss of packet 0 cannot be detected.
 
-A digital gyro sends frames by itself; these are the faults of one frame:
+A digital gyro sends frames spontaneously; these are the faults of one frame:
 
-| kind                 | what becomes of the frame                          |
+| kind                 | effect on the frame                                |
 |----------------------|----------------------------------------------------|
-| `frame_lost`         | it never comes                                     |
-| `frame_cut`          | its second half never comes                        |
-| `frame_bad_checksum` | one bit of its last bytes is the other way round   |
-| `frame_junk_before`  | bytes that nobody sent stand before it             |
+| `frame_lost`         | it is lost                                         |
+| `frame_cut`          | its second half is lost                            |
+| `frame_bad_checksum` | one bit of its last bytes is inverted              |
+| `frame_junk_before`  | junk bytes precede it                              |
 | `frame_junk_in`      | ... in its middle                                  |
-| `frame_junk_after`   | ... behind it                                      |
-| `frames_end`         | neither it nor anything after it comes             |
+| `frame_junk_after`   | ... after it                                       |
+| `frames_end`         | it and all later frames are lost                   |
 
-A frame reads as `frame 17`, counted from 0 over all streams. What is no frame, the answer to a command, passes as it
-is.
+The text of a frame is `frame 17`, counted from 0 over all streams. Other data, such as the answer to a command, are
+passed unchanged.
 """
 
 from __future__ import annotations
@@ -27,50 +27,50 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from benchctl_instruments.arrays import FloatArray
-from benchctl_instruments.simulated.faults.schedule import FaultLog, Faults, FaultTable, Place, Positive
+from benchctl_instruments.simulated.faults.schedule import FaultLog, FaultTable, PendingFaults, Place, Positive
 
 
 class StreamFault(FaultTable):
-    """A fault that befalls a packet of the stream."""
+    """A fault of a packet of the stream."""
 
     places: ClassVar[tuple[Place, ...]] = ("digitizer_stream",)
 
 
 class StreamGap(StreamFault):
-    """Packets never come: that one, and so many after it that they are `packets` in all."""
+    """Packets are lost: this one and the following ones, `packets` in total."""
 
     kind: Literal["stream_gap"] = "stream_gap"
     packets: int = Field(default=1, ge=1)
 
 
 class Overrun(StreamFault):
-    """Before this packet the instrument's buffer is full: it skips `scans` scans, says so, and goes on."""
+    """Before this packet the instrument's buffer is full: it skips `scans` scans, reports this, and continues."""
 
     kind: Literal["overrun"] = "overrun"
     scans: int = Field(default=50, ge=1, le=0xFFFF)
 
 
 class StreamCut(StreamFault):
-    """The connection of the stream ends in the middle of this packet; the stream itself goes on."""
+    """The connection of the stream ends in the middle of this packet; the stream itself continues."""
 
     kind: Literal["stream_cut"] = "stream_cut"
 
 
 class StreamJunk(StreamFault):
-    """Bytes that are no packet come before this packet."""
+    """Bytes that are no packet precede this packet."""
 
     kind: Literal["stream_junk"] = "stream_junk"
 
 
 class StreamStalls(StreamFault):
-    """Nothing is sent for `for_s` of wall time; the instrument's buffer fills meanwhile."""
+    """Nothing is sent for `for_s` of wall time; meanwhile the instrument's buffer fills."""
 
     kind: Literal["stream_stalls"] = "stream_stalls"
     for_s: Positive = 0.5
 
 
 class StreamEnds(StreamFault):
-    """The stream ends by itself, and nothing says so."""
+    """The stream ends by itself without any report."""
 
     kind: Literal["stream_ends"] = "stream_ends"
 
@@ -93,7 +93,7 @@ FrameKind = Literal[
 
 
 class FrameFault(FaultTable):
-    """A fault that befalls a frame."""
+    """A fault of a frame."""
 
     places: ClassVar[tuple[Place, ...]] = ("gyro",)
 
@@ -105,31 +105,31 @@ CHECKSUM_BYTES = 4
 
 
 class FrameFaults:
-    """To be set as `PushLine.disturb`.
+    """A function with faults, to be assigned to `PushLine.disturb`.
 
     Parameters
     ----------
     frame_bytes
         Length of a frame.
     faults
-        What becomes of which frames; of those that are due at one frame, the first in order has it.
+        The faults of frames; if several are due at one frame, the first one happens.
     batch_s
         The bench times of the frames that are being sent, shape (n,).
     log
-        Where to note what has happened.
+        The log of faults that have happened.
     """
 
     def __init__(
         self, frame_bytes: int, faults: Sequence[FrameFault], *, batch_s: Callable[[], FloatArray], log: FaultLog
     ) -> None:
         self._frame_bytes = frame_bytes
-        self._faults = Faults("gyro", faults, log)
+        self._faults = PendingFaults("gyro", faults, log)
         self._batch_s = batch_s
         self._frames = 0
         self._silent = False
 
     def __call__(self, data: bytes) -> bytes:
-        """What the client gets of what was sent."""
+        """Return the bytes that the client receives for the bytes sent."""
         if not data or len(data) % self._frame_bytes:
             return data
         size = self._frame_bytes

@@ -1,6 +1,6 @@
-"""What a fault has to know of the protocol on a wire: how a request reads, and how its answer can be wrong in form.
+"""What a fault needs of a wire's protocol: the text of a request, and the ways in which an answer can be corrupted.
 
-| wire         | a request reads as                    | unit | checksum | refusal               | words |
+| wire         | the text of a request                 | unit | checksum | refusal               | words |
 |--------------|---------------------------------------|------|----------|-----------------------|-------|
 | `MODBUS_TCP` | its function and data in hex, blanks  | yes  | no       | exception code        | yes   |
 | `MODBUS_RTU` | between: `03 00 64 00 01`             | yes  | yes      | exception code        | yes   |
@@ -22,34 +22,34 @@ LINE = re.compile(rb"[^\r\n]*[\r\n]+|[^\r\n]+$")
 
 
 class Wire(Protocol):
-    """A protocol as faults see it; what it cannot do is None."""
+    """A protocol as used by faults; unsupported functions are None."""
 
     @property
     def other_unit(self) -> Callable[[bytes], bytes] | None:
-        """The answer as another unit would give it."""
+        """Function that changes an answer to that of another unit."""
 
     @property
     def bad_checksum(self) -> Callable[[bytes], bytes] | None:
-        """The answer with a checksum that is wrong."""
+        """Function that gives an answer a wrong checksum."""
 
     @property
     def half_float(self) -> Callable[[bytes], bytes] | None:
-        """The answer without its last register, sound otherwise; as it is where it holds no registers."""
+        """Function that removes an answer's last register; an answer without registers is unchanged."""
 
     @property
     def refusal(self) -> Callable[[bytes, int], bytes] | None:
-        """What answers a request (first) that is refused with a code."""
+        """Function that returns the refusal of a request (first argument) with a code."""
 
     def requests(self, data: bytes) -> list[bytes]:
-        """What has arrived at once, taken apart into requests."""
+        """Split bytes that arrived together into requests."""
 
     def shown(self, request: bytes) -> str:
-        """How a request reads."""
+        """Return the text of a request."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lines:
-    """Lines of ASCII; `refusal_line` is how the instrument says no, whatever the code."""
+    """Lines of ASCII; `refusal_line` is the instrument's refusal for any code."""
 
     refusal_line: bytes = b""
 
@@ -59,72 +59,72 @@ class Lines:
 
     @property
     def refusal(self) -> Callable[[bytes, int], bytes] | None:
-        """What answers a request that is refused."""
+        """Function that returns the refusal of a request."""
         return (lambda request, code: self.refusal_line) if self.refusal_line else None
 
     def requests(self, data: bytes) -> list[bytes]:
-        """Its lines, each with its end."""
+        """Return its lines, each with its end."""
         return LINE.findall(data)
 
     def shown(self, request: bytes) -> str:
-        """Its text, without the line's end."""
+        """Return its text, without the line's end."""
         return request.decode("ascii", "backslashreplace").strip()[:MOST_SHOWN]
 
 
 class ModbusTcp:
-    """Modbus TCP; a transaction number, and no checksum of its own."""
+    """Modbus TCP: a transaction number, and no checksum."""
 
     bad_checksum = None
 
     def requests(self, data: bytes) -> list[bytes]:
-        """One, as masters that wait for answers send it."""
+        """Return one request, as masters that wait for answers send it."""
         return [data]
 
     def shown(self, request: bytes) -> str:
-        """Function and data in hex."""
+        """Return function and data in hex."""
         return request[MBAP.size :].hex(" ")[:MOST_SHOWN]
 
     def other_unit(self, answer: bytes) -> bytes:
-        """The answer of the unit with the next number."""
+        """Return the answer as that of the unit with the next number."""
         return answer[: MBAP.size - 1] + bytes([answer[MBAP.size - 1] % 247 + 1]) + answer[MBAP.size :]
 
     def half_float(self, answer: bytes) -> bytes:
-        """The answer to a read without its last register."""
+        """Return the answer to a read without its last register."""
         pdu = _without_last_register(answer[MBAP.size :])
         transaction, protocol, _, unit = MBAP.unpack_from(answer)
         return MBAP.pack(transaction, protocol, 1 + len(pdu), unit) + pdu
 
     def refusal(self, request: bytes, code: int) -> bytes:
-        """An exception."""
+        """Return an exception."""
         transaction, _, _, unit = MBAP.unpack_from(request)
         return MBAP.pack(transaction, 0, 3, unit) + struct.pack("BB", request[MBAP.size] | 0x80, code)
 
 
 class ModbusRtu:
-    """Modbus RTU; a unit's number, a CRC, and nothing that tells one request from the next."""
+    """Modbus RTU: a unit number, a CRC, and no transaction number."""
 
     def requests(self, data: bytes) -> list[bytes]:
-        """One, as masters that wait for answers send it."""
+        """Return one request, as masters that wait for answers send it."""
         return [data]
 
     def shown(self, request: bytes) -> str:
-        """Function and data in hex."""
+        """Return function and data in hex."""
         return request[1:-RTU_CRC].hex(" ")[:MOST_SHOWN]
 
     def other_unit(self, answer: bytes) -> bytes:
-        """The answer of the unit with the next number."""
+        """Return the answer as that of the unit with the next number."""
         return with_crc(bytes([answer[0] % 247 + 1]) + answer[1:-RTU_CRC])
 
     def bad_checksum(self, answer: bytes) -> bytes:
-        """One bit of the CRC the other way round."""
+        """Return the answer with one bit of the CRC inverted."""
         return answer[:-1] + bytes([answer[-1] ^ 0x10])
 
     def half_float(self, answer: bytes) -> bytes:
-        """The answer to a read without its last register."""
+        """Return the answer to a read without its last register."""
         return with_crc(answer[:1] + _without_last_register(answer[1:-RTU_CRC]))
 
     def refusal(self, request: bytes, code: int) -> bytes:
-        """An exception."""
+        """Return an exception."""
         return with_crc(bytes([request[0], request[1] | 0x80, code]))
 
 

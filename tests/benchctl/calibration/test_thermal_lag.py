@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchctl.app.fit import fit_recordings
 from benchctl.calibration.calibrate import calibrate
 from benchctl.calibration.result import CalibrationResult
 from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
-from benchctl.reports.fitting import fit_recordings
 from tests.benchmarks.coverage import PARAMETERS, recorded, truth
 
 SHORT = {"points": "3", "soak_s": "600"}

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from benchctl.bench import Interlock
-from benchctl.campaign.interlocks import Change, Interlocks, Limit, limits_of, words
+from benchctl.campaign.interlocks import Change, FollowedLimit, Interlocks, limits_of, words
 
 VALUES = st.lists(st.floats(-10.0, 10.0), min_size=1, max_size=60)
 
@@ -158,7 +158,7 @@ def test_interlocks_in_words_name_every_limit_and_what_it_does() -> None:
 def test_both_sides_are_followed_each_by_itself() -> None:
     limits = limits_of(Interlock(quantity="gyro_v", above=5.0, below=-5.0))
     assert [limit.says for limit in limits] == ["gyro_v above 5", "gyro_v below -5"]
-    assert all(isinstance(limit, Limit) for limit in limits)
+    assert all(isinstance(limit, FollowedLimit) for limit in limits)
 
 
 def test_on_the_acceleration_controller_and_encoder_are_followed_each_by_itself() -> None:

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from benchctl.app.fit import fit_recordings
 from benchctl.campaign.stop import StopRequest
 from benchctl.fleet.cluster import Settings, connected, run_fleet
 from benchctl.fleet.job import Options
 from benchctl.fleet.located import located
-from benchctl.reports.fitting import fit_recordings
 from benchctl.reports.fleet_facts import Fleet
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.fleet.made import fitted, points

@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import benchctl
+from benchctl.app.fit import fit_recordings
 from benchctl.fleet.job import Job, JobOutcome, kept, record_name
 from benchctl.fleet.work import MOST_STARTS, work
-from benchctl.reports.fitting import fit_recordings
 from tests.benchctl.fleet.made import job_of, points
 
 

@@ -12,10 +12,10 @@ from benchctl.calibration.result import (
     BeforeAfter,
     CalibrationResult,
     Contribution,
+    FittedParameter,
     JointFit,
     MeanPoints,
     Noise,
-    Parameter,
     PolynomialFactor,
     Residuals,
     RunErrors,
@@ -289,7 +289,7 @@ def _stages(worst: dict[str, float], temperatures: int) -> tuple[Stage, ...]:
 
 def _joint() -> tuple[JointFit, ...]:
     parameters = tuple(
-        Parameter(
+        FittedParameter(
             name=name,
             value=value,
             unit=unit,

@@ -33,7 +33,7 @@ _READERS: tuple[Callable[[str], Any], ...] = (
 
 
 def one_input(data: bytes) -> None:
-    streams: list[Any] = [acl.ReplyReader(), acl.Lines(), LineCutter(), LineCutter(b"\r"), kvh1760.CommandReader()]
+    streams: list[Any] = [acl.ReplyReader(), acl.AclLines(), LineCutter(), LineCutter(b"\r"), kvh1760.CommandReader()]
     for piece in pieces(data):
         for stream in streams:
             with refusals():

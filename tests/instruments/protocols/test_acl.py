@@ -5,11 +5,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchctl_instruments.errors import InstrumentError, UsageError
-from benchctl_instruments.protocols.acl import Command, Lines, Reply, ReplyReader, encode, encode_reply, parse_commands
+from benchctl_instruments.protocols.acl import (
+    AclCommand,
+    AclLines,
+    Reply,
+    ReplyReader,
+    encode,
+    encode_reply,
+    parse_commands,
+)
 from benchctl_instruments.protocols.lines import MAX_LINE
 
 
-def command(text: str) -> Command:
+def command(text: str) -> AclCommand:
     (only,) = parse_commands(text)
     return only
 
@@ -62,7 +70,7 @@ def test_however_the_stream_is_cut_the_replies_are_the_same(datas: list[str], da
 
 
 def test_a_line_without_an_end_is_given_up_and_the_memory_let_go() -> None:
-    lines = Lines()
+    lines = AclLines()
     with pytest.raises(InstrumentError, match=rf"more than {MAX_LINE} bytes.*this is not ACL"):
         lines.feed(b"x" * (MAX_LINE + 1))
     assert lines.feed(b"fresh\n") == ["fresh"]
@@ -123,7 +131,7 @@ def test_a_site_may_end_its_replies_otherwise() -> None:
 def test_commands_seen_in_the_field_are_understood(
     text: str, path: tuple[str, ...], query: bool, arguments: tuple[str, ...]
 ) -> None:
-    assert command(text) == Command(path=path, query=query, arguments=arguments)
+    assert command(text) == AclCommand(path=path, query=query, arguments=arguments)
 
 
 def test_a_semicolon_continues_in_the_same_subtree() -> None:

@@ -8,7 +8,7 @@ from benchctl_instruments.errors import InstrumentError, UsageError
 from benchctl_instruments.protocols.ensemble import (
     END,
     AxisStatus,
-    Command,
+    EnsembleCommand,
     Outcome,
     Reply,
     encode_reply,
@@ -105,7 +105,7 @@ def test_faults_are_named_and_an_unknown_one_keeps_its_number() -> None:
     ],
 )
 def test_commands_seen_in_the_field_are_understood(line: str, name: str, arguments: tuple[str, ...]) -> None:
-    assert parse_command(line) == Command(name=name, arguments=arguments)
+    assert parse_command(line) == EnsembleCommand(name=name, arguments=arguments)
 
 
 @pytest.mark.parametrize("line", ["", "(", "12", "@0 ENABLE", "ENA-BLE X"])

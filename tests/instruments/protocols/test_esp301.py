@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.protocols.esp301 import (
     ANSWER_END,
-    Command,
     Error,
+    Esp301Command,
     held_an_error,
     is_unasked,
     parse_commands,
@@ -23,29 +23,29 @@ TEXTS = st.text() | st.text("0123456789.,;?+-eE TBVAMPX")
 @pytest.mark.parametrize(
     ("line", "commands"),
     [
-        ("1VA50.000000", [Command(axis=1, name="VA", value="50.000000")]),
-        ("1MV+", [Command(axis=1, name="MV", value="+")]),
-        ("3MV-", [Command(axis=3, name="MV", value="-")]),
-        ("01TP?", [Command(axis=1, name="TP", query=True)]),
-        ("01MD", [Command(axis=1, name="MD")]),
-        ("TE?", [Command(axis=None, name="TE", query=True)]),
-        ("te?", [Command(axis=None, name="TE", query=True)]),
-        ("1DH-0.5", [Command(axis=1, name="DH", value="-0.5")]),
+        ("1VA50.000000", [Esp301Command(axis=1, name="VA", value="50.000000")]),
+        ("1MV+", [Esp301Command(axis=1, name="MV", value="+")]),
+        ("3MV-", [Esp301Command(axis=3, name="MV", value="-")]),
+        ("01TP?", [Esp301Command(axis=1, name="TP", query=True)]),
+        ("01MD", [Esp301Command(axis=1, name="MD")]),
+        ("TE?", [Esp301Command(axis=None, name="TE", query=True)]),
+        ("te?", [Esp301Command(axis=None, name="TE", query=True)]),
+        ("1DH-0.5", [Esp301Command(axis=1, name="DH", value="-0.5")]),
         (
             "1PA+30; 1WS; 2PR-10",
             [
-                Command(axis=1, name="PA", value="+30"),
-                Command(axis=1, name="WS"),
-                Command(axis=2, name="PR", value="-10"),
+                Esp301Command(axis=1, name="PA", value="+30"),
+                Esp301Command(axis=1, name="WS"),
+                Esp301Command(axis=2, name="PR", value="-10"),
             ],
         ),
-        ("1MO;;", [Command(axis=1, name="MO")]),
-        ("MOTOR ON;1MO", [Command(axis=None, name="MO", value="TORON"), Command(axis=1, name="MO")]),
-        ("1;?;TE?", [None, None, Command(axis=None, name="TE", query=True)]),
+        ("1MO;;", [Esp301Command(axis=1, name="MO")]),
+        ("MOTOR ON;1MO", [Esp301Command(axis=None, name="MO", value="TORON"), Esp301Command(axis=1, name="MO")]),
+        ("1;?;TE?", [None, None, Esp301Command(axis=None, name="TE", query=True)]),
         ("", []),
     ],
 )
-def test_commands_of_a_line(line: str, commands: list[Command | None]) -> None:
+def test_commands_of_a_line(line: str, commands: list[Esp301Command | None]) -> None:
     assert list(parse_commands(line)) == commands
 
 

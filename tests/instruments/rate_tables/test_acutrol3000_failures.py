@@ -11,7 +11,7 @@ import pytest
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.interfaces import Identity, TableLimits, TableState
 from benchctl_instruments.links.tcp import LinkCutError, Reconnect
-from benchctl_instruments.protocols.acl import Lines, encode_reply
+from benchctl_instruments.protocols.acl import AclLines, encode_reply
 from benchctl_instruments.rate_tables.acutrol3000 import Acutrol3000
 from benchctl_instruments.simulated.tcp_server import TcpServer
 from tests.instruments.table_machine import CountedClock
@@ -29,7 +29,7 @@ class Scripted:
     """Answers queries from a table, and everything else with OK."""
 
     def __init__(self, **answers: str) -> None:
-        self.lines = Lines()
+        self.lines = AclLines()
         self.answers = GOOD | answers
         self.heard: list[str] = []
 

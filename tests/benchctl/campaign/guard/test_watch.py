@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from benchctl.campaign.guard import orders as module
-from benchctl.campaign.guard.orders import Ending, Lines, watch
+from benchctl.campaign.guard.orders import Ending, PipeLines, watch
 
 
 class Runner:
@@ -17,7 +17,7 @@ class Runner:
 
     def __init__(self) -> None:
         out, self._into = os.pipe()
-        self.lines = Lines(os.fdopen(out, "rb", buffering=0))
+        self.lines = PipeLines(os.fdopen(out, "rb", buffering=0))
         self.answers = 0
 
     def says(self, *words: str) -> None:

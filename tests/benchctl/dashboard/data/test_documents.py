@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchctl.app.accept import accept_recording
+from benchctl.app.diagnose import Diagnosed, write_diagnosed
+from benchctl.app.fit import fit_recordings
 from benchctl.dashboard.data import documents
 from benchctl.dashboard.data.documents import KINDS, Kind, document, is_there, report_of
 from benchctl.metrology.limit_file import limits_of_text
@@ -15,9 +18,6 @@ from benchctl.recordings.importing import import_recording
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
-from benchctl.reports.accepting import accept_recording
-from benchctl.reports.diagnosing import Diagnosed, write_diagnosed
-from benchctl.reports.fitting import fit_recordings
 from benchctl.reports.results import results_folder
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.diagnosis import example

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from benchctl.app.accept import lines
 from benchctl.reports.acceptance.write import values, write_acceptance
-from benchctl.reports.accepting import lines
 from tests.benchctl.reports.acceptance.example import DIGESTS, acceptance, facts, uncertainty
 from tests.benchctl.reports.acceptance.test_pdf import text_of
 

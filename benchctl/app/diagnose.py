@@ -1,4 +1,4 @@
-"""From recordings to a diagnosis, its report and its model file."""
+"""Diagnose recordings, and write the report and the model file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ REPORT, SUMMARY, MODEL = "diagnosis.html", "diagnosis.json", "model.toml"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosed:
-    """A diagnosis with what its report says of the recordings; `unit` is that of the diagnosed quantity."""
+    """A diagnosis with the metadata of the recordings for its report; `unit` is that of the diagnosed quantity."""
 
     diagnosis: Diagnosis
     meta: Meta
@@ -46,9 +46,9 @@ def diagnose_recordings(
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosed:
-    """Diagnose one recording, or several of one unit jointly, by the model that the first names or that of a file.
+    """Diagnose one recording, or several of one unit jointly, with the model of the first one or of a file.
 
-    Raises `UsageError` where a recording cannot be read or diagnosed, or they are of different units.
+    Raises `UsageError` if a recording cannot be read or diagnosed, or if the recordings are of different units.
     """
     with ExitStack() as stack:
         recordings = [stack.enter_context(open_recording(path)) for path in paths]
@@ -66,9 +66,9 @@ def diagnose_recordings(
 
 
 def write_diagnosed(diagnosed: Diagnosed, folder: Path) -> dict[str, Path]:
-    """Write report, summary and model file, each whole or not at all; where they are, by what they are.
+    """Write report, summary and model file, each atomically; return their paths by kind.
 
-    Raises `UsageError` where the folder may not be written to.
+    Raises `UsageError` if the folder is not writable.
     """
     from benchctl.reports.diagnosis_page import write_diagnosis_report  # matplotlib is slow to load
 
@@ -91,19 +91,19 @@ def write_diagnosed(diagnosed: Diagnosed, folder: Path) -> dict[str, Path]:
 
 
 def _believed(path: Path, part: Part) -> tuple[Mapping[str, Any], tuple[str, ...]]:
-    """The lab's model of the part in a file, and what of the file a diagnosis does not begin with, in words."""
+    """Return the lab's model of the part from a file, and notes on effects that are not assumed."""
     model = read_model(path)
-    told, table, effects = model.simulation, "[simulation]", model.effects
+    simulation, table, effects = model.simulation, "[simulation]", model.effects
     if part != "gyro":
-        told, table = model.parts.get(part), f"[parts.{part}]"
-        effects = told.get(EFFECTS, {}) if told else {}
-    if told is None:
+        simulation, table = model.parts.get(part), f"[parts.{part}]"
+        effects = simulation.get(EFFECTS, {}) if simulation else {}
+    if simulation is None:
         raise UsageError(
             f"model {path}: has no {table}: it says nothing of what the {part} should have done; add the table"
         )
     others = ", ".join(effects)
     notes = (f"The effects of {path.name} ({others}) are not taken for granted: they were looked for.",)
-    return told, notes if others else ()
+    return simulation, notes if others else ()
 
 
 def _as_model(told: Mapping[str, Any]) -> Model:
@@ -114,20 +114,21 @@ _DIGITS = 6
 
 
 def write_diagnosis_file(path: Path, diagnosis: Diagnosis, digest: str) -> None:
-    """Write the file, whole or not at all; `digest` is that of the recording, or those of several, with commas.
+    """Write the file atomically; `digest` is that of the recording, or those of several, separated by commas.
 
-    `map` has for each coordinate the edges of its bins, the mean residual in them before and after the findings, its
-    standard error (None where a bin is empty), and how many of those chance alone reaches one time in a hundred.
-    `stated` is a parameter as the report prints it. Raises `UsageError` where the disk refuses.
+    `map` has for each coordinate the edges of its bins, the mean residual in them before and after the findings and its
+    standard error (None in an empty bin); `threshold` is the number of standard errors that chance alone exceeds with a
+    probability of 1 %. `stated` is a parameter as printed in the report. Raises `UsageError` if the file cannot be
+    written.
     """
     content = {
         **diagnosis.as_json(),
         "recording_digest": digest,
         "map": [_slice(one, diagnosis.fit.unit) for one in diagnosis.slices],
     }
-    for told, finding in zip(content["findings"], diagnosis.findings, strict=True):
+    for entry, finding in zip(content["findings"], diagnosis.findings, strict=True):
         for name, value in finding.parameters.items():
-            told["parameters"][name]["stated"] = estimate(value)
+            entry["parameters"][name]["stated"] = estimate(value)
     with whole_file(path) as temporary:
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
         temporary.write_text(f"{text}\n", encoding="utf-8")

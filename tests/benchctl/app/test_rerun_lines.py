@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from benchctl.app.rerun import FirstRun, Rerun, lines
 from benchctl.campaign.differences import Differences
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.rerun import compared
 from benchctl.metrology.result import Judged, Measured, Uncertainty, message
 from benchctl.recordings.model import BenchFacts, Meta, Unit
-from benchctl.reports.rerunning import FirstRun, Rerun, lines
 
 HOSTILE = "\x1b[31mred\x07\n\u202eover" + "x" * 500
 SAME = Differences(procedure=(), parameters=(), bench=(), instruments=(), software=(), operator=())

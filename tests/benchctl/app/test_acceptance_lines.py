@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from benchctl.app.accept import lines
 from benchctl.reports.acceptance.catalogue import LANGUAGES
-from benchctl.reports.accepting import lines
 from tests.benchctl.reports.acceptance.example import acceptance
 
 

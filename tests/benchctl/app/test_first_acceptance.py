@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from benchctl.app.rerun import acceptance_beside
 from benchctl.metrology.limit_file import limits_of_text
 from benchctl.metrology.result import Judged, Limit, Measured, Uncertainty, message
-from benchctl.reports.rerunning import acceptance_beside
 from benchctl_instruments.errors import UsageError
 
 TEXT = '[limits.bias]\nlow = -1.0\nhigh = 1.0\nunit = "deg/h"\n'

@@ -1,4 +1,4 @@
-"""From a recording and a file of limits to verdicts, and the files of the report."""
+"""Judge a recording by a file of limits, and write the files of the report."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from benchctl.reports.acceptance.write import values, write_acceptance
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accepted:
-    """An acceptance and the recording that it is of."""
+    """An acceptance and the facts of its recording."""
 
     acceptance: Acceptance
     facts: RecordingFacts
 
     def values(self) -> dict[str, Any]:
-        """As `--json` gives it."""
+        """Return the data for `--json`."""
         return values(self.acceptance, self.facts)
 
     def lines(self, language: str) -> str:
-        """For a terminal."""
+        """Return the text for a terminal."""
         return lines(self.acceptance, language)
 
     def write(self, folder: Path, language: str) -> Mapping[str, Path]:
-        """The report's files, also in the manifest where the folder is a campaign's; raises `write_acceptance`'s."""
+        """Write the report and add it to the manifest of a campaign's folder; raises as `write_acceptance` does."""
         written = write_acceptance(self.acceptance, self.facts, folder, language)
         add_to_manifest(folder, written.values())
         return written
 
     @property
     def fails(self) -> str:
-        """Why it is no PASS, in a few words; empty where it is one."""
+        """The reason why the verdict is not PASS, in a few words; empty for PASS."""
         open_ones = [one.measured.name for one in self.acceptance.judged if one.verdict == "INCONCLUSIVE"]
         failed = [one.measured.name for one in self.acceptance.judged if one.verdict == "FAIL"]
         if failed:
@@ -57,7 +57,7 @@ def accept_recording(path: Path, limits: Limits) -> Accepted:
     Raises
     ------
     UsageError
-        Where it cannot be read, was changed, or holds no reading at all.
+        If it cannot be read, was changed, or contains no reading at all.
     """
     with opened_unchanged([path], "accepted") as (recording,):
         found = Accepted(acceptance=accepted(recording, limits), facts=facts_of(recording))
@@ -69,7 +69,7 @@ _GAP = 2
 
 
 def lines(acceptance: Acceptance, language: str = "en") -> str:
-    """Name, value ± U, limit and verdict of each test, aligned; no line is wider than 120 characters, but the last."""
+    """Return a line per test with name, value ± U, limit and verdict; only the last may exceed 120 characters."""
     words = catalogue(language)
     names = [_plain(words.test(one.measured.name).name) for one in acceptance.judged]
     columns = [
@@ -81,14 +81,14 @@ def lines(acceptance: Acceptance, language: str = "en") -> str:
     room = _WIDEST - sum(widths) - _GAP * len(widths)
     names = [cut(name, room) for name in names]
     widths.insert(0, max(map(len, names), default=0))
-    told = [
+    rows = [
         "".join(cell.ljust(width + _GAP) for cell, width in zip(row, widths, strict=True)).rstrip()
         for row in zip(names, *columns, strict=True)
     ]
     verdict = words.word(f"unit_{acceptance.verdict}", "verdicts")
-    return "\n".join([*told, f"{verdict}. {tally(acceptance, words)}"])
+    return "\n".join([*rows, f"{verdict}. {tally(acceptance, words)}"])
 
 
 def _plain(cell: str) -> str:
-    """One line of printable characters, each of one column."""
+    """Return the text with only printable characters, whitespace replaced by spaces."""
     return "".join(" " if one.isspace() else one for one in cell if not unicodedata.category(one).startswith("C"))

@@ -1,4 +1,4 @@
-"""From recordings to `coefficients.json` and `report.html` beside them."""
+"""Calibrate on recordings, and write `coefficients.json` and `report.html` next to them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from benchctl_instruments.errors import UsageError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenFit:
-    """What a fit left behind: `values` as `--json` gives them, `says` for the terminal."""
+    """The results of a fit: `values` is the data for `--json`, `says` the text for the terminal."""
 
     values: Mapping[str, Any]
     says: str
@@ -35,9 +35,10 @@ class WrittenFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibrated:
-    """A fit of which nothing is written yet.
+    """A calibration whose files are not yet written.
 
-    `content` is that of `coefficients.json`, `values` what `--json` gives but for the files, `says` is for a terminal.
+    `content` is that of `coefficients.json`, `values` the data for `--json` without the paths, `says` the terminal
+    text.
     """
 
     content: Mapping[str, Any]
@@ -46,7 +47,7 @@ class Calibrated:
     write_report: Callable[[Path], None]
 
     def write(self, folder: Path) -> WrittenFit:
-        """Write `coefficients.json` and `report.html`; raises `UsageError` where the folder or the disk refuses."""
+        """Write `coefficients.json` and `report.html`; raises `UsageError` if they cannot be written."""
         make_folder(folder)
         where, report = folder / "coefficients.json", folder / "report.html"
         write_coefficients(where, self.content)
@@ -60,37 +61,30 @@ class Calibrated:
 def fit_recordings(paths: Sequence[Path], out: Path | None = None, model: Path | None = None) -> WrittenFit:
     """Calibrate on one recording, or on several of one unit, and write `coefficients.json` and `report.html`.
 
-    They land in `out`, by default beside the first recording: in its folder where it is one. The structures without a
-    name that a `model` file holds are taken off the output first, and become part of the coefficients.
+    They are written to `out`, by default next to the first recording, or into its folder if it is one. Unnamed
+    structures in a `model` file are subtracted from the output first, and become part of the coefficients.
 
     Raises
     ------
     UsageError
-        Where a recording cannot be read or fitted or was changed, the recordings are of different units, the model has
-        nothing that can be taken off, or nothing can be written.
+        If a recording cannot be read or fitted or was changed, if the recordings are of different units, if the model
+        contains nothing to subtract, or if the results cannot be written.
     """
-    beside = _taken_off(model)
+    discovered = _taken_off(model)
     with opened_unchanged(paths, "fitted") as recordings:
         joined = join(recordings)
         folder = out if out is not None else _beside(paths[0])
         if not may_be_made(folder):
-            make_folder(folder)  # says why, before any work
-        found = _calibrated(joined, recordings, beside)
+            make_folder(folder)  # raises the error before any work
+        found = _calibrated(joined, recordings, discovered)
     return found.write(folder)
 
 
 def calibrated(paths: Sequence[Path], model: Path | None = None) -> Calibrated:
-    """Calibrate as `fit_recordings` does, but write nothing.
-
-    Raises
-    ------
-    UsageError
-        Where a recording cannot be read or fitted or was changed, the recordings are of different units, or the model
-        has nothing that can be taken off.
-    """
-    beside = _taken_off(model)
+    """Calibrate as `fit_recordings` does, without writing files."""
+    discovered = _taken_off(model)
     with opened_unchanged(paths, "fitted") as recordings:
-        found = _calibrated(join(recordings), recordings, beside)
+        found = _calibrated(join(recordings), recordings, discovered)
     return found
 
 
@@ -126,8 +120,8 @@ def _fit_runs(joined: Recording, recordings: Sequence[Recording], beside: Discov
         "joint": {
             "law": result.best.law,
             "parameters": {
-                name: {key: told[key] for key in ("value", "ci95", "expanded", "k", "dof", "unit", "stated")}
-                for name, told in content["uncertainty"]["parameters"].items()
+                name: {key: parameter[key] for key in ("value", "ci95", "expanded", "k", "dof", "unit", "stated")}
+                for name, parameter in content["uncertainty"]["parameters"].items()
             },
         },
         "warnings": list(result.warnings),
@@ -173,9 +167,11 @@ def _sources(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
 
 
 def _with_stated(content: dict[str, Any]) -> dict[str, Any]:
-    """The coefficients, each parameter also as the report prints it."""
-    for told in content["uncertainty"]["parameters"].values():
-        told["stated"] = text.with_uncertainty(told["value"], told["expanded"], text.unit_text(told.get("unit", "")))
+    """Add to each parameter its value as printed in the report."""
+    for parameter in content["uncertainty"]["parameters"].values():
+        parameter["stated"] = text.with_uncertainty(
+            parameter["value"], parameter["expanded"], text.unit_text(parameter.get("unit", ""))
+        )
     return content
 
 
@@ -196,8 +192,8 @@ def _in_words(result: CalibrationResult) -> str:
             f"{free.band_hz[0]:g} to {free.band_hz[1]:g} Hz",
         ]
     last = stage_tables(result)[-1]
-    told = ", ".join(f"{row.symbol} = {row.stated}" for row in last.coefficients if row.symbol in ("K0", "U0", "τ"))
-    lines.append(f"two stages, after {last.stage.name}: {told}")
+    stated = ", ".join(f"{row.symbol} = {row.stated}" for row in last.coefficients if row.symbol in ("K0", "U0", "τ"))
+    lines.append(f"two stages, after {last.stage.name}: {stated}")
     lines.append(f"joint fit, law {result.best.law}, ± expanded uncertainty, [95 % interval by scatter alone]:")
     lines += [f"  {row.name} = {row.stated}  {row.interval}" for row in joint_coefficients(result.best)]
     lines += [f"taken off the output before the fit: {one.says()}" for one in result.discovered.structures.values()]

@@ -1,4 +1,4 @@
-"""A recording and the same procedure run again: both measured by today's program, and what differs between them."""
+"""Compare a recording with a repetition of its procedure; both are measured by the current program version."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
+from benchctl.app.accept import Accepted
 from benchctl.atomic import whole_file
 from benchctl.campaign.differences import Differences, changed, differences
 from benchctl.campaign.provenance import table_of
@@ -30,19 +31,18 @@ from benchctl.reports.acceptance.catalogue import Catalogue, catalogue, stated
 from benchctl.reports.acceptance.set_up import facts_of
 from benchctl.reports.acceptance.write import JSON as ACCEPTANCE
 from benchctl.reports.acceptance.write import SCHEMA as ACCEPTANCE_SCHEMA
-from benchctl.reports.accepting import Accepted
 from benchctl.reports.results import results_folder
 from benchctl_instruments.errors import UsageError
 
 _SHARE = 0.01
-"""Of an expanded uncertainty: what is less is in no printed digit."""
+"""Fraction of an expanded uncertainty; a smaller difference does not affect a printed digit."""
 _SAME = 1e-6
-"""Of a value without an uncertainty."""
+"""Relative tolerance of a value without an uncertainty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatedAcceptance:
-    """What an `acceptance.json` says: its limits as text and their SHA-256, and the tests by name."""
+    """The content of an `acceptance.json`: its limits as text with their SHA-256, and the tests by name."""
 
     path: Path
     limits_text: str
@@ -50,12 +50,12 @@ class StatedAcceptance:
     tests: Mapping[str, Mapping[str, Any]]
 
     def limits(self) -> Limits:
-        """The limits that it was judged by.
+        """Return the limits that the recording was judged by.
 
         Raises
         ------
         UsageError
-            Where it keeps none, they were changed, or are none that this program knows.
+            If the file contains none, or if they were changed or are not supported by this version.
         """
         if not self.limits_text:
             raise UsageError(f"{self.path}: keeps no text of its limits; name them with --limits FILE")
@@ -65,24 +65,24 @@ class StatedAcceptance:
         return limits
 
     def unlike(self, judged: Sequence[Judged]) -> Iterator[str]:
-        """How it differs from the same recording measured today by the same limits, in words."""
+        """Yield sentences on differences from the same recording measured today by the same limits."""
         for one in judged:
-            told = self.tests.get(one.measured.name, {})
-            value, now = _number(told.get("value")), one.measured.value
-            if told.get("unit") != one.measured.unit or not _alike(value, one):
-                before = f"{shown(value)} {shown(told.get('unit'))}"
+            test = self.tests.get(one.measured.name, {})
+            value, now = _number(test.get("value")), one.measured.value
+            if test.get("unit") != one.measured.unit or not _alike(value, one):
+                before = f"{shown(value)} {shown(test.get('unit'))}"
                 yield f"{one.measured.name} was stated as {before}, is found as {now!r} {one.measured.unit!r} today"
-            elif told.get("verdict") != one.verdict:
-                yield f"{one.measured.name} was stated as {shown(told.get('verdict'))}, is found {one.verdict!r} today"
+            elif test.get("verdict") != one.verdict:
+                yield f"{one.measured.name} was stated as {shown(test.get('verdict'))}, is found {one.verdict!r} today"
 
 
 def acceptance_beside(recording: Path, digest: str) -> StatedAcceptance | None:
-    """What lies beside a recording of that digest; None where nothing does.
+    """Return the acceptance next to a recording with that digest; None if there is none.
 
     Raises
     ------
     UsageError
-        Where it cannot be read, or is that of another recording.
+        If it cannot be read, or belongs to another recording.
     """
     path = results_folder(recording, "acceptance") / ACCEPTANCE
     if not path.exists():
@@ -109,7 +109,7 @@ def acceptance_beside(recording: Path, digest: str) -> StatedAcceptance | None:
 
 
 def _alike(stated: float | None, one: Judged) -> bool:
-    """Whether two values print alike."""
+    """Return whether two values print alike."""
     now, uncertainty = one.measured.value, one.measured.uncertainty
     if stated is None or now is None:
         return stated is None and (now is None or not math.isfinite(now))
@@ -128,7 +128,7 @@ JSON = "rerun.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstRun:
-    """The first of two runs, measured today; `limits` judge both, None: none do. `stated` is what was found then."""
+    """The first of two runs, measured today; `limits` judge both, or None. `stated` is its original acceptance."""
 
     path: Path
     meta: Meta
@@ -139,7 +139,7 @@ class FirstRun:
 
     @property
     def unlike_stated(self) -> tuple[str, ...]:
-        """How the acceptance beside it differs from what is found today."""
+        """The differences between the acceptance next to the recording and today's results."""
         if self.stated is None:
             return ()
         if self.limits is not None and self.limits.sha256 != self.stated.limits_sha256:
@@ -151,8 +151,8 @@ class FirstRun:
 class Rerun:
     """Two runs of one procedure on one unit.
 
-    `seeds` are those of their simulated benches, None of others. `accepted` is the acceptance of the run again, None
-    where there are no limits.
+    `seeds` are those of their simulated benches, None for real ones. `accepted` is the acceptance of the second run,
+    None if there are no limits.
     """
 
     first: FirstRun
@@ -165,13 +165,13 @@ class Rerun:
 
     @property
     def verdicts(self) -> tuple[Verdict, Verdict] | None:
-        """Of the unit, at first and again; None where it was not judged."""
+        """The unit's verdicts in the first and the second run; None if it was not judged."""
         if self.accepted is None:
             return None
         return overall(self.first.judged), self.accepted.acceptance.verdict
 
     def values(self) -> dict[str, Any]:
-        """As `--json` gives it under `again`, and `rerun.json` holds it."""
+        """Return the data of `again` in `--json` and of `rerun.json`."""
         return {
             "first": str(self.first.path),
             "first_digest": self.first.digest,
@@ -181,13 +181,13 @@ class Rerun:
             "seed": self.seeds[1],
             "first_verdict": self.verdicts[0] if self.verdicts else None,
             "verdict": self.verdicts[1] if self.verdicts else None,
-            "differences": {name: list(told) for name, told in asdict(self.differences).items()},
+            "differences": {name: list(changes) for name, changes in asdict(self.differences).items()},
             "first_acceptance": list(self.first.unlike_stated),
             "tests": [_test(one) for one in self.tests if one.is_told],
         }
 
     def write(self, folder: Path) -> Path:
-        """Write `rerun.json` in a campaign's folder, and into its manifest; raises `UsageError` where that fails."""
+        """Write `rerun.json` into a campaign's folder and its manifest; raises `UsageError` if that fails."""
         path = folder / JSON
         text = json.dumps({"schema": SCHEMA, **self.values()}, indent=1, ensure_ascii=False, allow_nan=False)
         with whole_file(path) as temporary:
@@ -197,19 +197,19 @@ class Rerun:
 
 
 def first_run(path: Path, limits_file: Path | None) -> FirstRun:
-    """Measure the first run, judged by a file of limits, or by those of the acceptance beside it, or by none.
+    """Measure the first run and judge it by a file of limits, else by those of the acceptance next to it, if any.
 
     Raises
     ------
     UsageError
-        Where it cannot be read, its provenance is damaged, or it holds no reading at all; or the limits cannot be used.
+        If it cannot be read, its provenance is damaged, or it contains no reading; or if the limits cannot be used.
     """
     limits = None if limits_file is None else read_limits(limits_file)
     with open_recording(path) as recording:
         stated = acceptance_beside(path, recording.digest)
         if limits is None and stated is not None:
             limits = stated.limits()
-        differences(recording.meta, recording.meta)  # tables that are damaged are refused before anything is run
+        differences(recording.meta, recording.meta)  # rejects damaged tables before the run
         return FirstRun(
             path=path,
             meta=recording.meta,
@@ -221,7 +221,7 @@ def first_run(path: Path, limits_file: Path | None) -> FirstRun:
 
 
 def rerun_of(first: FirstRun, again: Path, *, expected: Collection[str]) -> Rerun:
-    """Hold a run against the first one; `expected` as `differences` has it. Raises what `measured_in` does."""
+    """Compare a run with the first one; `expected` as in `differences`. Raises as `measured_in` does."""
     with open_recording(again) as recording:
         judged = None if first.limits is None else accepted(recording, first.limits)
         return Rerun(
@@ -243,7 +243,7 @@ def _judged(recording: Recording, limits: Limits | None) -> tuple[Judged, ...]:
 
 
 def _seed(meta: Meta) -> int | None:
-    """The seed of a simulated bench, None where there was none or it says nothing of it."""
+    """Return the seed of a simulated bench, None if there is no bench or no seed."""
     seed = table_of(meta, "bench_physics", "the first run").get("seed")
     return seed if isinstance(seed, int) else None
 
@@ -276,15 +276,15 @@ _HEADINGS = ("test", "E_n", "", "first ± U", "again ± U", "difference ± U")
 
 
 def lines(rerun: Rerun) -> str:
-    """A line or more a group, a line a test, and what follows; none wider than 120 characters."""
-    told = [*_of_the_runs(rerun), *_of_groups(rerun), "", *_of_tests(rerun), *_in_short(rerun)]
-    return "\n".join(cut(_plain(line), _WIDEST) for line in told)
+    """Return the lines on the runs, groups and tests, and the summary; none is wider than 120 characters."""
+    rows = [*_of_the_runs(rerun), *_of_groups(rerun), "", *_of_tests(rerun), *_in_short(rerun)]
+    return "\n".join(cut(_plain(line), _WIDEST) for line in rows)
 
 
 def _of_the_runs(rerun: Rerun) -> Iterator[str]:
     first, (before, now) = rerun.first, rerun.seeds
-    told = first.meta.provenance
-    made = ", ".join(filter(None, (told.get("procedure"), told.get("started_utc"), first.meta.status)))
+    provenance = first.meta.provenance
+    made = ", ".join(filter(None, (provenance.get("procedure"), provenance.get("started_utc"), first.meta.status)))
     yield f"{'first':{_GROUP}}{first.path}: {made}, unit {first.meta.unit.serial}"
     if now is not None:
         seed = f"seed {now} where the first run had {text.NOT_KNOWN if before is None else before}"
@@ -292,8 +292,8 @@ def _of_the_runs(rerun: Rerun) -> Iterator[str]:
 
 
 def _of_groups(rerun: Rerun) -> Iterator[str]:
-    for group, told in asdict(rerun.differences).items():
-        yield from _group(_TITLES.get(group, group), told)
+    for group, changes in asdict(rerun.differences).items():
+        yield from _group(_TITLES.get(group, group), changes)
     if rerun.first.stated is None:
         yield f"{'acceptance':{_GROUP}}none lies beside the first run"
     else:
@@ -346,5 +346,5 @@ def _in_short(rerun: Rerun) -> Iterator[str]:
 
 
 def _plain(line: str) -> str:
-    """One line of printable characters, each of one column."""
+    """Return the text with only printable characters, whitespace replaced by spaces."""
     return "".join(" " if one.isspace() else one for one in line if not unicodedata.category(one).startswith("C"))
