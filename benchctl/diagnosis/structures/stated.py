@@ -78,7 +78,7 @@ _OF_STAGE: Mapping[str, tuple[str, ...]] = {
     "sampling": ("a clock that drifts", "a filter whose delay changes", "processing whose time depends on load"),
 }
 _UNSEEN = "Rests behind motion that was not recorded are left out: which way the table turned last is not known there."
-_RAMPS = "Samples within 8 s of the start or end of a ramp of the chamber are left out: the ramp is known only from the air."
+_RAMPS = "Samples within 8 s of the start or end of a ramp are left out: the chamber's ramp is known only from its air."
 _RAMP_ENDS_S = 8.0
 _BY_WAY = ("friction in a winding, a glue or a mount", "a magnetic shield that keeps its state")
 _BY_SETPOINT = ("the chamber's compressor or heater, which runs while the set point moves", "a supply that it loads")
