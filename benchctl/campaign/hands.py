@@ -102,9 +102,7 @@ class NoHands:
 
     def mount(self, position: Position, meanwhile: Meanwhile) -> None:
         """Raise `SafetyError`."""
-        raise SafetyError(
-            f"the unit must be mounted {position} by an operator; run it at a terminal"
-        )
+        raise SafetyError(f"the unit must be mounted {position} by an operator; run it at a terminal")
 
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
         """Raise `SafetyError`."""
