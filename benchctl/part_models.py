@@ -33,7 +33,7 @@ def numbers_of(
             raise UsageError(f"[{name}] {field}: expected a finite number, got {shown(value)}")
     missing = [field for field in needed if field not in stated]
     if missing and len(missing) < len(needed):
-        raise UsageError(f"[{name}] {missing[0]}: this field is needed beside the others and is not there")
+        raise UsageError(f"[{name}] {missing[0]}: this field is missing; the other fields require it")
     return {field: float(value) for field, value in stated.items()}
 
 

@@ -223,7 +223,7 @@ def _in_unit(number: Fraction, written: str, unit: str, text: str) -> float:
         if written not in ("degC", "celsius"):
             raise UsageError(
                 f"expected a bare number or one in degC, got {shown(text)}: whether it is a temperature or a "
-                "difference is not said by its name, and in degC alone both are the same number"
+                "difference is not clear from its name, and in degC both are the same number"
             )
         return float(number)
     if unit == "degC":

@@ -25,8 +25,14 @@ _SETTLE_S = 0.3
 
 @procedure()
 def diagnostic(
-    set_points_c: Annotated[tuple[float, ...], "chamber, °C; the first is where it stands"] = (23.0, 50, 10, -30, 23),
-    soak_s: Annotated[float, "soak at the first set point, s; 0: none, so that a warm-up is seen", Range(0)] = 0.0,
+    set_points_c: Annotated[tuple[float, ...], "chamber, °C; the first is its present temperature"] = (
+        23.0,
+        50,
+        10,
+        -30,
+        23,
+    ),
+    soak_s: Annotated[float, "soak at the first set point, s; 0: none, so that a warm-up is visible", Range(0)] = 0.0,
     top_rate_dps: Annotated[float, "highest rate, °/s", POSITIVE] = 170.0,
     frequencies_hz: Annotated[tuple[float, ...], "sines, Hz", POSITIVE] = (0.15, 0.5, 1.5, 4.0, 9.0),
     acceleration_dps2: Annotated[float, "peak acceleration of the sines, °/s²", POSITIVE] = 450.0,

@@ -53,7 +53,7 @@ _BARE = {
     "no answer after {…} s": "it stands beside a trial in a proof's table",
     "{…}: nothing came within {…} s": "its callers say what was sent and what to check",
     "the time is over": "its callers say what was sent and what to check",
-    "the time was over before an answer was whole": "its callers say what was sent and what to check",
+    "timed out before the answer was complete": "its callers say what was sent and what to check",
     "step {…} cannot be finished: step {…} is the last that was begun": "told to who writes a program",
 }
 """Messages that neither say what was expected nor what to do, each with the reason."""

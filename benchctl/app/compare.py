@@ -51,7 +51,7 @@ def compare_recordings(simulated: Path, real: Path) -> Compared:
     """Compare two recordings of one procedure; `UsageError` if unreadable, identical or without a common step."""
     with open_recording(simulated) as theirs, open_recording(real) as ours:
         if theirs.digest and theirs.digest == ours.digest:
-            raise UsageError(f"{simulated}, {real}: the samples are the same, they part nowhere; name two recordings")
+            raise UsageError(f"{simulated}, {real}: the samples are identical; name two different recordings")
         rows = sum(info.samples for info in (*ours.infos, *theirs.infos))
         require_memory(real, _BYTES_A_ROW * rows, f"laying it and {simulated} over each other")
         steps, alone = with_recording(frame_of(ours), frame_of(theirs), name_of(simulated))

@@ -295,7 +295,7 @@ def _of_groups(rerun: Rerun) -> Iterator[str]:
     for group, changes in asdict(rerun.differences).items():
         yield from _group(_TITLES.get(group, group), changes)
     if rerun.first.stated is None:
-        yield f"{'acceptance':{_GROUP}}none lies beside the first run"
+        yield f"{'acceptance':{_GROUP}}there is none next to the first run"
     else:
         yield from _group("acceptance", rerun.first.unlike_stated)
 
@@ -338,7 +338,7 @@ def _in_short(rerun: Rerun) -> Iterator[str]:
         if one.verdict_changed:
             yield f"judged otherwise: {one.name} is {one.again.verdict}, was {one.first.verdict}"
     if rerun.accepted is None or rerun.verdicts is None:
-        yield "not judged: no acceptance lies beside the first run; --limits FILE names limits"
+        yield "not judged: there is no acceptance next to the first run; name limits with --limits FILE"
         return
     before, now = rerun.verdicts
     why = f": {rerun.accepted.fails}" if rerun.accepted.fails else ""

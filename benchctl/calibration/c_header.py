@@ -140,8 +140,12 @@ def _limits(compensation: Compensation) -> Iterator[Constant]:
     law, valid = compensation.law, compensation.valid
     if law.name == "response" and law.stages[0].k_omega:
         end, most = reach(law.stages[0].k_omega)
-        yield Constant(name="GYRO_REACH_DPS", value=end, comment="deg/s, beyond it the output tells no rate")
-        yield Constant(name="GYRO_REACH_INDICATED_DPS", value=most, comment="deg/s, what the gyro makes of that")
+        yield Constant(
+            name="GYRO_REACH_DPS", value=end, comment="deg/s, beyond it the output does not determine the rate"
+        )
+        yield Constant(
+            name="GYRO_REACH_INDICATED_DPS", value=most, comment="deg/s, the rate that the gyro indicates there"
+        )
     yield Constant(
         name="GYRO_DELAY_S",
         value=law.delay_s,

@@ -68,8 +68,8 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
     if options.discovered:
         reduced = _without_structures(reduced, options.discovered)
         structures = options.discovered.structures.values()
-        notes += [f"Taken off the output before the fit: {one.says()}" for one in structures]
-        notes.append("How sure that is the diagnosis says: the uncertainties here do not contain it.")
+        notes += [f"Subtracted from the output before the fit: {one.says()}" for one in structures]
+        notes.append("Its uncertainty is in the diagnosis; the uncertainties here do not contain it.")
         warnings += [f"{name} is not taken off the output: {NOT_TAKEN_OFF}." for name in options.discovered.left]
     latitude = options.latitude_deg if options.latitude_deg is not None else meta.bench.latitude_deg
     bench = replace(meta.bench, latitude_deg=latitude)

@@ -204,7 +204,7 @@ def _rate_terms(
     """Return the number of terms in ω; 0, with a warning, if the runs do not determine them or show no bend."""
     if only_free_motion(steps):
         warnings.append(
-            "No term in ω is fitted: free motion alone mixes it with what the smoother takes from reversals."
+            "No term in ω is fitted: free motion alone does not separate it from what the smoother removes."
         )
         return 0
     if carries.rate_terms == 0:

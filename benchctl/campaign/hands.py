@@ -97,16 +97,16 @@ class NoHands:
     def power(self, on: bool, meanwhile: Meanwhile) -> None:
         """Raise `SafetyError`."""
         raise SafetyError(
-            f"the unit's supply was to be switched {'on' if on else 'off'}, and nobody is there; run it at a terminal"
+            f"the unit's supply must be switched {'on' if on else 'off'} by an operator; run it at a terminal"
         )
 
     def mount(self, position: Position, meanwhile: Meanwhile) -> None:
         """Raise `SafetyError`."""
-        raise SafetyError(f"the unit was to be mounted {position}, and nobody is there; run it at a terminal")
+        raise SafetyError(f"the unit must be mounted {position} by an operator; run it at a terminal")
 
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
         """Raise `SafetyError`."""
-        raise SafetyError(f"somebody was asked to {says}, and nobody is there; run it at a terminal")
+        raise SafetyError(f"an operator must {says}; run it at a terminal")
 
 
 class SimulatedHands:
@@ -201,8 +201,7 @@ def _answered(terminal: int, what: str, meanwhile: Meanwhile) -> bytes:
         meanwhile()
     if answer.lost:
         raise SafetyError(
-            f"asked an operator: {what}; the terminal went away before anybody had answered; "
-            "open another, then run again"
+            f"asked an operator: {what}; the terminal was closed before an answer; open another, then run again"
         )
     return answer.line.strip().lower()
 

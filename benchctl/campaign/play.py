@@ -240,7 +240,7 @@ class StepPlayer:
             if self.opened.clock.now() > deadline_s:
                 reading = self.opened.table.read()
                 raise InstrumentError(
-                    f"rate_table: told to turn at {rate_dps:+g} deg/s, but turns at {reading.rate_dps:+.3f} deg/s "
+                    f"rate_table: commanded to turn at {rate_dps:+g} deg/s, but turns at {reading.rate_dps:+.3f} deg/s "
                     "long after it should have arrived; look for a limit or a brake at the controller"
                 )
             self.wait(0.05)

@@ -159,7 +159,7 @@ def forget_stale_stop(folder: Path) -> None:
 
 def _require_run(folder: Path) -> None:
     if not is_held(folder / LOCK):
-        raise NotRunningError(f"campaign {folder.name}: nobody runs it any more; there is nothing to stop")
+        raise NotRunningError(f"campaign {folder.name}: it is not running; there is nothing to stop")
 
 
 def _who(path: Path) -> str:

@@ -58,7 +58,7 @@ def told(outcome: Outcome) -> dict[str, Any]:
 def summary(outcome: Outcome) -> str:
     """Return a summary of the campaign in a few lines."""
     lines = [
-        f"{outcome.status}: {outcome.whole} of {outcome.planned} steps whole, {outcome.samples:,} samples, "
+        f"{outcome.status}: {outcome.whole} of {outcome.planned} steps complete, {outcome.samples:,} samples, "
         f"{duration(outcome.bench_time_s)} of bench time in {duration(outcome.wall_time_s)}",
         f"recording: {outcome.recording} ({size(_bytes(outcome.recording))})",
     ]
@@ -100,7 +100,7 @@ def _ask(past: Past) -> None:
         f"{past.bench.name}. The chamber will be soaked and the table will move."
     )
     if not sys.stdin.isatty():
-        raise UsageError(f"--resume {message} Nobody is at the terminal to be asked: say --yes where that is safe")
+        raise UsageError(f"--resume {message} There is no terminal to ask at; pass --yes if that is safe")
     if not typer.confirm(f"{message} Is everybody clear of it?", err=True):
         raise UsageError(f"--resume {past.folder}: not confirmed; nothing has moved, and the campaign is as it was")
 
@@ -120,5 +120,5 @@ def _closed(past: Past) -> Outcome:
         bench_time_s=past.elapsed_s,
         wall_time_s=time.monotonic() - began_s,
         safe=SafeState(rate_dps=None, chamber_setpoint_c=None, problems=()),
-        error=None if closed.status == "complete" else AbortedError(f"{closed.reason}; resume it once more"),
+        error=None if closed.status == "complete" else AbortedError(f"{closed.reason}; resume it again"),
     )

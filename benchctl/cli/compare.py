@@ -25,7 +25,7 @@ def compare(
         typer.Argument(metavar="REAL", autocompletion=recordings, help="A recording of the same procedure."),
     ] = None,
     model: Annotated[
-        Path | None, toml_option("--model", "Another model beside the recording's, of a diagnosis say.")
+        Path | None, toml_option("--model", "A second model to compare with, for example from a diagnosis.")
     ] = None,
     out: Annotated[Path | None, out_option("For the report; default: by the recording.")] = None,
     json_to: JsonOption = None,

@@ -56,7 +56,7 @@ def diagnose(
     ] = "gyro",
     seed: Annotated[
         int,
-        typer.Option("--seed", metavar="N", min=0, help="Draws the recordings with nothing missing, for comparison."),
+        typer.Option("--seed", metavar="N", min=0, help="Seed of the simulated recordings without missing physics."),
     ] = 0,
     json_to: JsonOption = None,
     quiet: QuietOption = False,

@@ -25,7 +25,7 @@ _WORDS = {
     "sine": "sine",
     "thermal_ramp": "thermal ramp",
     "power_cycle": "powered off and on",
-    "mount": "mounted by hand",
+    "mount": "mounted by an operator",
     "ask": "asked of the operator",
 }
 
@@ -120,7 +120,7 @@ def preview_run(
     if past is None:
         require_empty(out)
     elif past.is_whole:
-        result.say(f"{out}: all {len(plan.steps)} steps are whole; it would be closed, and nothing would move")
+        result.say(f"{out}: all {len(plan.steps)} steps are complete; it would be closed, and nothing would move")
         return
     else:
         complete, label = past.first - 1, plan.steps[past.first - 1].label

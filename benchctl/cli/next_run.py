@@ -82,7 +82,5 @@ def _recorded_on(path: Path) -> Bench:
     with open_recording(path) as recording:
         meta = recording.meta
     if not meta.provenance.get("bench_physics"):
-        raise UsageError(
-            f"--settle: {path} was not made by a simulated bench; name one that stands for it with --bench"
-        )
+        raise UsageError(f"--settle: {path} was not made by a simulated bench; name a simulated one with --bench")
     return recorded_bench(meta, str(path))

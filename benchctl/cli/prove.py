@@ -21,7 +21,7 @@ def prove(
     trials: Annotated[
         int | None, typer.Option("--trials", metavar="N", min=1, help="How many; default: 340, shared out by class.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Draws what the trials conceal.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the concealed effects.")] = 1,
     only: Annotated[
         list[str] | None, typer.Option("--class", metavar="NAME", help="A class of trials; default: all.")
     ] = None,

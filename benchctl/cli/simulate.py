@@ -26,7 +26,8 @@ def simulate(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.h5", help="The recording to write.")],
     bench: BenchOption = "simulated",
     model: Annotated[
-        Path | None, toml_option("--model", "What the bench obeys: a model file, of a diagnosis say.")
+        Path | None,
+        toml_option("--model", "A model file that the simulated bench follows, for example from a diagnosis."),
     ] = None,
     parameter: ParameterOption = None,
     seed: SeedOption = None,

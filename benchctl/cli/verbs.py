@@ -15,7 +15,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "check": "a dry run: limits, timeline, questions, who answers; nothing moves",
         "run": "run a procedure, record it, fit it; or go on with one",
         "serve": "the live page: watch a campaign in a browser",
-        "recover": "after a crash: close the recording, say what is whole",
+        "recover": "after a crash: close the recording and list the complete steps",
         "show": "what is in a recording",
         "fit": "the two-stage calibration: coefficients and a report",
         "allan": "Allan deviation and noise coefficients",

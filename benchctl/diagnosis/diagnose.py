@@ -189,7 +189,7 @@ def _at_bounds(problem: Problem, chosen: Selection) -> Iterator[str]:
     for number, value in zip(chosen.whole.numbers, chosen.whole.point.baseline.tolist(), strict=False):
         if stands_at(value, number.low, number.high):
             yield (
-                f"{number.name} stands at {value:.4g} {units[number.name]}, a bound of what is plausible"
+                f"{number.name} is {value:.4g} {units[number.name]}, a bound of its plausible range"
                 f" ({number.low:.4g} to {number.high:.4g}): the recording does not determine it, or something that acts"
                 " alike is missing."
             )

@@ -1,7 +1,7 @@
-"""A joint fit: the lab's own parameters and those of every effect in the model at once, by Gauss and Newton.
+"""Joint Gauss-Newton fit of the lab's parameters and those of every effect in the model.
 
-All that a fit needs of the rows, it keeps per step: the products of the whitened derivatives with each other and with
-the residual. What it leaves on steps that it was not fitted to then costs no look at the data.
+A fit stores the products of the whitened derivatives with each other and with the residual per step. The residual on
+held-out steps can then be computed without reading the data again.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 _LEAST_KNOWN = 0.05
 _MOST_ROUNDS = 12
 _CLOSE = 0.02
-"""Rounds end when twice the log likelihood is expected to gain less."""
+"""Iterations stop when the expected gain in twice the log likelihood is smaller."""
 _RIDGE = 1e-10
 _NUDGE = 1e-4
 
 
 def solve(information: FloatArray, gradient: FloatArray) -> FloatArray:
-    """The step information⁻¹·gradient; directions that the data do not have stay where they are."""
+    """Return information⁻¹·gradient; directions not determined by the data get no step."""
     return inverse(information) @ gradient
 
 
 def inverse(information: FloatArray) -> FloatArray:
-    """The covariance: the inverse in units in which the diagonal is one, without the directions that are not seen."""
+    """Return the inverse (the covariance), computed at unit diagonal, without undetermined directions."""
     size = np.sqrt(np.maximum(np.diag(information), 0.0))
-    seen = size > 0.0
-    scale = np.where(seen, 1.0 / np.where(seen, size, 1.0), 0.0)
+    positive = size > 0.0
+    scale = np.where(positive, 1.0 / np.where(positive, size, 1.0), 0.0)
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     kept = values > _RIDGE * max(float(values[-1]), 1e-300)
     inverted = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
@@ -48,10 +48,10 @@ def inverse(information: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """A fitted model. `residual` (n,) is measured less predicted; `white` the same, whitened.
+    """A fitted model. `residual` (n,) is measured minus predicted; `white` is the whitened residual.
 
-    `derivatives` (n, p) are those of the prediction by `numbers`, whitened, in the scale in which these are moved;
-    `unwhitened` the same before the filter of `whitener`, where it has one; `spectral` is what is compared beside rows.
+    `derivatives` (n, p) are the whitened derivatives of the prediction by `numbers`, in the scale of the fit;
+    `unwhitened` are those before the filter of `whitener`, if it has one; `spectral` is compared in addition to rows.
     """
 
     point: Point
@@ -66,11 +66,11 @@ class Fit:
     products: Products
     fitted: BoolArray
     disturbed_covariance: FloatArray | None = None
-    """Covariance (p, p) of the free numbers where the noise is known to differ from what `whitener` makes white."""
+    """Covariance (p, p) of the free parameters if the noise is known to differ from the model of `whitener`."""
 
     @property
     def raw_derivatives(self) -> FloatArray:
-        """The derivatives before they were whitened, an array of its own, (n, p); zero in rows that do not count."""
+        """A copy of the derivatives before whitening, (n, p); zero in rows of weight 0."""
         if self.unwhitened is not None:
             return self.unwhitened.copy(order="K")
         weight = self.whitener.weight
@@ -89,41 +89,41 @@ class Fit:
 
     @cached_property
     def rows(self) -> float:
-        """How many rows the fitted steps have."""
+        """The number of rows in the fitted steps."""
         return float(self.products.rows[self.fitted].sum())
 
     @property
     def deviation(self) -> float:
-        """Deviation of an innovation: root of the mean square over the fitted rows."""
+        """Standard deviation of the innovations over the fitted rows."""
         return math.sqrt(self.squares / max(self.rows - len(self.numbers), 1.0))
 
     @cached_property
     def inverse_information(self) -> FloatArray:
-        """The covariance of the free numbers for innovations of deviation one, shape (p, p)."""
+        """Covariance of the free parameters for innovations of unit variance, shape (p, p)."""
         return inverse(self.products.of(self.fitted)[0])
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of the free numbers where the noise is white, shape (p, p)."""
+        """Covariance of the free parameters for white noise, shape (p, p)."""
         return np.asarray(self.inverse_information * self.deviation**2)
 
     def beyond(self, columns: FloatArray, step: IntArray) -> FloatArray:
-        """Whitened columns, shape (k, n), less what the numbers of the fit follow of them on the fitted steps."""
+        """Return whitened columns, shape (k, n), minus their projection on the derivatives over the fitted steps."""
         followed = (columns * self.fitted[step]) @ self.derivatives @ self.inverse_information
         return np.asarray(columns - followed @ self.derivatives.T)
 
     @property
     def step_left(self) -> FloatArray:
-        """The step (p,) that its numbers would take next, within their bounds; nearly zero where it came to its end."""
+        """The next step of the parameters, shape (p,), within their bounds; nearly zero if the fit has converged."""
         information, gradient, *_ = self.products.of(self.fitted)
         values = self.point.values(self.numbers)
         return _inside(self.point, self.numbers, values, information, gradient)
 
     def robust_covariance(self, step: IntArray) -> FloatArray:
-        """Covariance of the free numbers, shape (p, p), whatever the noise; `step` (n,) is the problem's.
+        """Return the robust covariance of the free parameters, shape (p, p); `step` (n,) is the problem's.
 
-        Never smaller than white noise would make it; larger where the residual's products with the derivatives, summed
-        over half a second each, scatter more (White, Econometrica 48, 1980).
+        It is never smaller than for white noise, and larger if the products of residual and derivatives, summed over
+        half a second each, scatter more (White, Econometrica 48, 1980).
         """
         if self.disturbed_covariance is not None:
             return self.disturbed_covariance
@@ -146,25 +146,24 @@ def fit(
     rounds: int = _MOST_ROUNDS,
     near: Fit | None = None,
 ) -> Fit:
-    """Fit a model's numbers, from where they are, to some steps (a mask of shape (m,) over the problem's steps).
+    """Fit a model's parameters, from their current values, to some steps (a mask of shape (m,) over all steps).
 
-    Where it starts from another fit of the same rows, whatever its whitener, derivatives are not taken there anew.
-    `near` is a fit of the same rows to all numbers but those of the last effect: derivatives by these numbers are its,
-    which one small effect more hardly changes. Levenberg and Marquardt's damping only where a whole step does not go
-    down.
+    If `start` is a fit of the same rows, with any whitener, its derivatives are reused. `near` is a fit of the same
+    rows without the last effect; its derivatives are reused because one small effect hardly changes them.
+    Levenberg-Marquardt damping is applied only if a full step does not reduce the sum of squares.
     """
     point = start.point if isinstance(start, Fit) else start
     numbers = tuple(point.free(problem.baseline_names, problem.baseline_bounds))
     predicted = start.predicted if isinstance(start, Fit) else problem.predict(point.baseline, point.effects)
     white = whitener(problem.measured - predicted)
-    beside = problem.spectral_residual(point.baseline, point.effects)
-    squares = float(squares_of(problem, white, beside)[fitted].sum())
+    spectrum = problem.spectral_residual(point.baseline, point.effects)
+    squares = float(squares_of(problem, white, spectrum)[fitted].sum())
     if isinstance(start, Fit):
         taken, turned = start.raw_derivatives, start.spectral.derivatives
     else:
-        taken, turned = _derivatives(problem, point, numbers, predicted, beside, near)
+        taken, turned = _derivatives(problem, point, numbers, predicted, spectrum, near)
     raw, derivatives = _whitened(whitener, taken)
-    spectral = Spectral(residual=beside, derivatives=turned)
+    spectral = Spectral(residual=spectrum, derivatives=turned)
     products = products_of(problem, derivatives, white, whitener, spectral)
     linear = near is not None and all(_is_size(number) for number in numbers[len(near.numbers) :])
     damping = 0.0
@@ -178,27 +177,27 @@ def fit(
         trial = point.moved(numbers, values + step)
         trial_predicted = problem.predict(trial.baseline, trial.effects)
         trial_white = whitener(problem.measured - trial_predicted)
-        trial_beside = problem.spectral_residual(trial.baseline, trial.effects)
-        trial_squares = float(squares_of(problem, trial_white, trial_beside)[fitted].sum())
+        trial_spectrum = problem.spectral_residual(trial.baseline, trial.effects)
+        trial_squares = float(squares_of(problem, trial_white, trial_spectrum)[fitted].sum())
         if not trial_squares <= squares + 1e-9 * variance:
             damping = max(10.0 * damping, 1e-3)
             if damping > 1e6:
                 break
             continue
         gained = (squares - trial_squares) / variance
-        point, predicted, white, beside, squares = trial, trial_predicted, trial_white, trial_beside, trial_squares
+        point, predicted, white, spectrum, squares = trial, trial_predicted, trial_white, trial_spectrum, trial_squares
         close = damping == 0.0 and expected < _CLOSE
         damping = damping / 10.0 if damping > 1e-3 else 0.0
-        if close or linear:  # the derivatives are what they were
-            spectral = replace(spectral, residual=beside)
+        if close or linear:  # the derivatives are unchanged
+            spectral = replace(spectral, residual=spectrum)
             products = with_residual(problem, products, derivatives, white, spectral)
             if close or gained < _CLOSE:
                 break
             continue
-        del taken, raw, derivatives  # each as large as what takes its place
-        taken, turned = _derivatives(problem, point, numbers, predicted, beside, near)
+        del taken, raw, derivatives  # free the memory first: the new arrays are as large
+        taken, turned = _derivatives(problem, point, numbers, predicted, spectrum, near)
         raw, derivatives = _whitened(whitener, taken)
-        spectral = Spectral(residual=beside, derivatives=turned)
+        spectral = Spectral(residual=spectrum, derivatives=turned)
         products = products_of(problem, derivatives, white, whitener, spectral)
         if gained < _CLOSE:
             break
@@ -220,7 +219,7 @@ def fit(
 def _inside(
     point: Point, numbers: tuple[Free, ...], values: FloatArray, information: FloatArray, gradient: FloatArray
 ) -> FloatArray:
-    """The step; a number that stands at a bound and would go beyond holds still, and the others go their own way."""
+    """Return the step within the bounds: parameters at a bound are fixed, and the step of the others is recomputed."""
     step = solve(information, gradient)
     moved = point.moved(numbers, values + step)
     here = point.values(numbers)
@@ -236,15 +235,15 @@ def _inside(
 
 
 def judged(problem: Problem, fitted: Fit) -> FloatArray:
-    """The misses by which a model is judged, shape (n,): innovations, or what it misses of the measured quantity.
+    """Return the errors by which a model is judged, shape (n,): innovations, or residuals of the measured quantity.
 
-    The latter where a disturbance is known to be there: its innovations would not show what a user of the model sees.
+    The residuals are used for a disturbed problem, because innovations do not show the error for a user of the model.
     """
     return np.where(problem.usable, fitted.residual, 0.0) if problem.disturbed else fitted.white
 
 
 def gain_of(better: Fit, worse: Fit, steps: BoolArray | None = None) -> float:
-    """By how much twice the log likelihood is larger, on the fitted steps or on others, with the same noise."""
+    """Return the increase of twice the log likelihood, on the fitted or on other steps, with the same noise."""
     chosen = better.fitted if steps is None else steps
     rows = float(better.products.rows[chosen].sum())
     good, bad = (max(float(one.products.squares[chosen].sum()), 1e-300) for one in (better, worse))
@@ -252,7 +251,7 @@ def gain_of(better: Fit, worse: Fit, steps: BoolArray | None = None) -> float:
 
 
 def gain_alone(better: Fit, worse: Fit, steps: BoolArray) -> float:
-    """The same on some of the fitted steps, for each model with the baseline that is best there."""
+    """Return the gain on some of the fitted steps, each model with the baseline refitted there."""
     chosen = better.fitted & steps
     good, bad = (_squares_alone(one, chosen) for one in (better, worse))
     return float(better.products.rows[chosen].sum()) * math.log(bad / good)
@@ -266,11 +265,11 @@ def _squares_alone(one: Fit, steps: BoolArray) -> float:
 
 
 def gain_kept(better: Fit, worse: Fit, folds: IntArray) -> float:
-    """By how much twice the log likelihood is larger on steps that a model was not fitted to.
+    """Return the increase of twice the log likelihood under cross-validation.
 
-    `folds` (m,) deals the fitted steps out; each fold is predicted from the others, by one Newton step away from the
-    fit to all: the products per step are all that it takes. What only the fold itself knows (the level at the start
-    of a walk) stays as it is.
+    `folds` (m,) assigns the fitted steps to folds. Each fold is predicted from the others by one Newton step from the
+    fit to all steps, using only the products per step. Parameters that only the fold itself determines (the level at
+    the start of a walk) are not changed.
     """
     good, bad = _squares_kept(better, folds), _squares_kept(worse, folds)
     return better.rows * math.log(max(bad, 1e-300) / max(good, 1e-300))
@@ -284,7 +283,7 @@ def _squares_kept(one: Fit, folds: IntArray) -> float:
     total = 0.0
     for fold in np.unique(folds[one.fitted]).tolist():
         own = products.of(one.fitted & (folds == fold))
-        # in these coordinates all steps together know every direction alike, and the others' share is what is left
+        # in these coordinates the total information is the identity; `share` is the part of the other folds
         share, axes = np.linalg.eigh(np.eye(values.size) - root.T @ own[0] @ root)
         known = share > _LEAST_KNOWN
         step = axes[:, known] / share[known] @ (axes[:, known].T @ (root.T @ (gradient - own[1])))
@@ -294,7 +293,7 @@ def _squares_kept(one: Fit, folds: IntArray) -> float:
 
 
 def _is_size(number: Free) -> bool:
-    """Whether the prediction is linear in a number, as long as no later stage is not."""
+    """Return whether the prediction is linear in a parameter, if all later stages are linear."""
     return number.parameter is not None and number.parameter.role == "size"
 
 
@@ -306,7 +305,7 @@ def _derivatives(
     beside: FloatArray,
     near: Fit | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of the prediction by all numbers, shape (n, p), and of what is compared beside it, shape (w, p)."""
+    """Return the derivatives by all parameters, of the prediction, shape (n, p), and of the spectrum, shape (w, p)."""
     derivatives = np.empty((predicted.size, len(numbers)), order="F")
     turned = np.empty((beside.size, len(numbers)))
     known = 0
@@ -335,7 +334,7 @@ def _derivatives(
 
 
 def _whitened(whitener: Whitener, raw: FloatArray) -> tuple[FloatArray | None, FloatArray]:
-    """Derivatives (n, p), where a filter changes them, and the whitened ones; those given are used up."""
+    """Return the derivatives (n, p), if the whitener has a filter, and the whitened ones; may overwrite `raw`."""
     if whitener.slow:
         return raw, whitened_columns(whitener, raw)
 
@@ -347,7 +346,7 @@ def _whitened(whitener: Whitener, raw: FloatArray) -> tuple[FloatArray | None, F
 
 
 def whitened_columns(whitener: Whitener, columns: FloatArray) -> FloatArray:
-    """Every column of (n, p), whitened."""
+    """Return the whitened columns of an array (n, p)."""
     white = np.empty_like(columns, order="F")
 
     def fill(some: slice) -> None:
@@ -358,7 +357,7 @@ def whitened_columns(whitener: Whitener, columns: FloatArray) -> FloatArray:
 
 
 def _nudge(problem: Problem, number: Free, value: float, index: int) -> float:
-    """How far a number is moved for its derivative."""
+    """Return the finite-difference step of a parameter."""
     parameter = number.parameter
     if parameter is None:
         start = abs(float(problem.baseline_start[index]))

@@ -122,7 +122,7 @@ class _Run:
         injection = self.untouched.drawn(self.proof.seed, index)
         if injection.digest() != digest:
             raise UsageError(
-                f"trial {index}: what was sealed as {digest} is not what is unsealed; begin anew with another --out"
+                f"trial {index}: the unsealed truth differs from the one sealed as {digest}; use another --out"
             )
         return injection
 

@@ -64,7 +64,7 @@ class CampaignWriter:
                 f"step {info.index} cannot begin: step {self._step.info.index} is still open; close or cut it"
             )
         if any((self.folder / STEPS).glob(f"{info.index:04d}_*")):
-            raise UsageError(f"{self.folder}: step {info.index} is already there; every step needs an index of its own")
+            raise UsageError(f"{self.folder}: step {info.index} is already there; each step needs a different index")
         self._step = StepWriter(self.folder / STEPS, info, channels, self.meta)
         return self._step
 

@@ -254,7 +254,7 @@ class ColumnMap(_Table):
     @model_validator(mode="after")
     def _maps_one_thing(self) -> ColumnMap:
         if self.points is not None and (self.channels is not None or self.time is not None or self.steps):
-            raise ValueError("[points] stands alone: a table of points has no [time], [channels] or [[steps]]")
+            raise ValueError("[points] excludes other tables: a table of points has no [time], [channels] or [[steps]]")
         if self.points is None and (self.channels is None or self.time is None):
             raise ValueError("say [time] and [channels.…] for a table of samples, or [points.…] for static points")
         return self

@@ -56,8 +56,8 @@ def drawings(result: CalibrationResult) -> Mapping[str, Drawing]:
             f"Correction k of the indicated rate against the indicated rate at {t0}.",
             f"k(ω) is the number by which the rate that stage 1's K0 indicates at {t0} is to be multiplied, the bias "
             "being taken from the readings at rest. "
-            "Bands: 95 % intervals of the curves by the scatter of the data; where none is seen it is narrower than "
-            "the line.",
+            "Bands: 95 % intervals of the curves from the scatter of the data; where the data show none, the band is "
+            "narrower than the line.",
         )
         add(
             "k_temperature",
@@ -109,7 +109,7 @@ def _final_alt() -> str:
 def _final_caption(result: CalibrationResult) -> str:
     kept = "the runs kept aside" if result.residuals.verify.any() else "all runs"
     return (
-        f"What the last level leaves of {kept}. A model that says all leaves noise: no shape in the means, and a "
+        f"What the last level leaves of {kept}. A complete model leaves noise only: no shape in the means, and a "
         "distribution like the normal one. A slope against acceleration would be an error of timing."
     )
 
@@ -119,7 +119,7 @@ _EXCESS = 3.0
 
 _CONVENTIONS: Mapping[tuple[str, str], str] = {
     ("correction", "indicated"): "correction, of the indicated rate: the rate that the line reads is multiplied by k",
-    ("response", "true"): "response, to the true rate: the law says what the gyro puts out; it is inverted for use",
+    ("response", "true"): "response, to the true rate: the law gives the output of the gyro; it is inverted for use",
 }
 
 
@@ -234,7 +234,7 @@ def _error_percent(result: CalibrationResult) -> str:
     )
     return (
         f"the largest difference between compensated and true rate in a run{averaged}, over the largest rate of that "
-        "run, in percent; of several runs the largest. Only runs in motion that no fit has seen count. From stage 2 on "
+        "run, in percent; of several runs the largest. Only runs in held-out motion counts. From stage 2 on "
         "the fitted delay is applied."
     )
 

@@ -87,7 +87,7 @@ def drawings(diagnosis: Diagnosis, unit: str) -> Mapping[str, Drawing]:
                 add(
                     f"structure-{number}",
                     curve_figure(model, unit),
-                    f"The fitted function beside what held-out steps ask of it. {model.says}",
+                    f"The fitted function, and what the held-out steps require. {model.says}",
                     "Means of held-out steps in bins of the coordinate, with standard errors. Above: what the residual "
                     "without the structure asks of it; the line is the fitted function, shaded its 95 % interval. "
                     "Below: what the structure leaves.",

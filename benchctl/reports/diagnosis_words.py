@@ -209,8 +209,8 @@ def headline(diagnosis: Diagnosis) -> str:
         if (names := _names(diagnosis.findings, kind))
     ]
     if diagnosis.unexplained.significant:
-        also = "Beside that something" if sentences else "Something"
-        sentences.append(f"{also} is left that is not noise, and no known effect accounts for it.")
+        also = "A further part of the residual" if sentences else "The residual"
+        sentences.append(f"{also} is not noise, and no known effect accounts for it.")
     return " ".join(sentences)
 
 

@@ -263,7 +263,7 @@ def final_residuals_figure(result: CalibrationResult, level: str) -> Figure:
     for axes, (label, x) in zip(panels, coordinates.items(), strict=False):
         _with_means(axes, x, residual, LEVEL_COLOURS[level])
         axes.set_xlabel(label)
-    panels[0].set_ylabel("what is left (0.001 °/s)")
+    panels[0].set_ylabel("residual (0.001 °/s)")
     if histogram:
         _histogram(panels[-1], residual[np.isfinite(residual)], LEVEL_COLOURS[level])
     block = Line2D([], [], linestyle="none", marker=".", color=FAINT, label="block of a run")

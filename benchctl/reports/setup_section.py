@@ -124,7 +124,7 @@ def step_groups(infos: Sequence[StepInfo], uses: Mapping[int, str]) -> list[dict
 
 def cut_steps(infos: Sequence[StepInfo]) -> list[str]:
     """Return a sentence for each incomplete step and each step with gaps in its stream."""
-    cut = [f"step {info.index} ({info.name}) is not whole" for info in infos if not info.whole]
+    cut = [f"step {info.index} ({info.name}) is not complete" for info in infos if not info.whole]
     gaps = [f"step {i.index} ({i.name}): {i.gaps} gaps in the stream" for i in infos if i.gaps]
     return cut + gaps
 

@@ -36,7 +36,7 @@ _KIND_NAMES: Mapping[str, str] = {
     "sine": "sine",
     "thermal_ramp": "thermal ramp",
     "power_cycle": "power cycle",
-    "mount": "mounted by hand",
+    "mount": "mounted by an operator",
     "ask": "asked of the operator",
 }
 _KEPT_ASIDE: dict[str, Any] = {"linestyle": "none", "marker": "v", "markersize": 4, "color": INK}

@@ -65,11 +65,11 @@ def sentence(result: CalibrationResult) -> str:
     where += f"{' and' if where else ''} up to {rates}" if kept else ""
     many = "1 run" if len(kept) == 1 else f"{len(kept)} runs"
     if len(path) == 1:
-        return f"On {many} that no fit has seen{where}, the largest error with one straight line is {_error(path[0])}."
+        return f"On {many} that were held out{where}, the largest error with one straight line is {_error(path[0])}."
     steps = [f"{_error(tile)} {_WITH[tile.level]}" for tile in path[1:]]
     steps = [", ".join(steps[:-1]) + " and " + steps[-1]] if len(steps) > 1 else steps
     return (
-        f"On {many} that no fit has seen{where}, the largest error falls from {_error(path[0])} with one straight line "
+        f"On {many} that were held out{where}, the largest error falls from {_error(path[0])} with one straight line "
         f"to {steps[0]}."
     )
 

@@ -193,7 +193,7 @@ class EspecP300(Instrument):
         while (shown := look()) != wanted:
             if self._clock.now() - started_s >= CONFIRM_S:
                 raise InstrumentError(
-                    f"{self._who}: it was told {wanted}, said OK, and still reads {shown} after {CONFIRM_S:g} s;"
+                    f"{self._who}: it acknowledged {wanted}, and still reads {shown} after {CONFIRM_S:g} s;"
                     " check that no program or other computer sets it"
                 )
             self._clock.sleep(LOOK_AGAIN_S)

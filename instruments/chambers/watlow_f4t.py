@@ -123,7 +123,7 @@ class WatlowF4T(ModbusChamber):
             known = ", ".join(f"{switch} (1 to {most})" for switch, most in SWITCHES.items())
             raise UsageError(f"on_by = {on_by!r} with on_number = {on_number}: expected {known} of a Watlow F4T")
         if running_output is None and on_by == "momentary_key":
-            raise UsageError("a momentary key needs running_output: nothing else tells whether the chamber runs")
+            raise UsageError("a momentary key needs running_output: without it nothing shows whether the chamber runs")
         self._on_by, self._on_number = on_by, on_number
         self._running = None if running_output is None else _running_output(*running_output)
         link = ModbusLink(

@@ -92,7 +92,7 @@ class SensonorStim300(FramedGyro):
         """Return the rate at which it sends; raises if that is not the wanted one or the axis cannot be read."""
         if configuration.rate_hz is None:
             raise InstrumentError(
-                f"{self._who}: it samples at an external trigger, so its counter tells no time;"
+                f"{self._who}: it samples at an external trigger, so its counter is not a clock;"
                 " have it set to a rate of its own"
             )
         if configuration.rate_hz != rate_hz:

@@ -69,7 +69,7 @@ def refuse_timeout(address: Address, timeout_s: float) -> None:
 
 def _host(parts: SplitResult) -> str:
     if parts.path or parts.query or parts.fragment or parts.username is not None:
-        raise ValueError("nothing may stand beside host and port")
+        raise ValueError("only host and port are allowed")
     if not parts.hostname:
         raise ValueError("the host is missing")
     return parts.hostname

@@ -158,7 +158,7 @@ class LineDialogue:
             answers = [line for line in lines.feed(data) if skip is None or not skip(line)]
             if answers:
                 return answers[0]
-        raise NoAnswerError("the time was over before an answer was whole")
+        raise NoAnswerError("timed out before the answer was complete")
 
     def _give_up(self, why: str) -> None:
         self._link.cut(why)

@@ -65,7 +65,7 @@ class SerialLink:
         try:
             if stale := port.read(port.in_waiting):
                 self.wire_log.received(stale)
-                self.wire_log.note("thrown away: nobody had asked")
+                self.wire_log.note("discarded: not requested")
             self.wire_log.sent(data)
             port.write(data)
         except OSError as err:  # includes pyserial's own exceptions

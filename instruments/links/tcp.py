@@ -138,7 +138,7 @@ class TcpLink:
                 self._drop("found closed by the other side")
                 return
             self.wire_log.received(stale)
-            self.wire_log.note("thrown away: nobody had asked")
+            self.wire_log.note("discarded: not requested")
 
     def _drop(self, why: str) -> None:
         if self._socket is None:

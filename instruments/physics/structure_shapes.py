@@ -1,4 +1,4 @@
-"""The shapes of structures without a name: their numbers, their function of a coordinate, and a sentence about it."""
+"""Shapes of structures: their parameters, their function of a coordinate, and a sentence that describes it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-import scipy  # which loads interpolate when it is first used
+import scipy  # scipy.interpolate is loaded at its first use
 
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.structure_places import ACTS, OVER, Span, StructureStage
 
 EDGE = 0.01
-"""The edges of a plateau, as a share of its length: a fit has to see where they are."""
+"""Width of a plateau's edges relative to its length; sharp edges could not be fitted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Said:
-    """What the sentence about a structure is made of: its stage, its coordinate and its numbers."""
+    """The data for the sentence about a structure: its stage, its coordinate and its values."""
 
     stage: StructureStage
     over: str
@@ -28,7 +28,7 @@ class Said:
 
     @property
     def what(self) -> str:
-        """What is changed."""
+        """The quantity that is changed, in words."""
         return ACTS[self.stage].what
 
     @property
@@ -37,33 +37,34 @@ class Said:
         return OVER[self.over].phrase
 
     def size(self, value: float) -> str:
-        """A change, without its sign."""
+        """Return a change without its sign, in words."""
         factor, unit = ACTS[self.stage].printed
         per = f" per {OVER[self.times].printed or '1'} of {OVER[self.times].phrase}" if self.times else ""
         return f"{factor * abs(value):.3g} {unit}{per}"
 
     def change(self, name: str = "change") -> str:
-        """A change, with its direction."""
+        """Return a change with its direction, in words."""
         value = self.values[name]
         return f"{self.size(value)} {'lower' if value < 0.0 else 'higher'}"
 
     def place(self, value: str | float = "at") -> str:
-        """A value of the coordinate, or the number that is one."""
+        """Return a value of the coordinate, or of the parameter of this name, with its unit."""
         number = self.values[value] if isinstance(value, str) else value
         return f"{number:.4g} {OVER[self.over].printed}".rstrip()
 
     def slope(self, name: str) -> str:
-        """A change a unit of the coordinate."""
+        """Return a change per unit of the coordinate, in words."""
         value, unit = self.values[name], OVER[self.over].printed or "1"
         return f"{'falls' if value < 0.0 else 'rises'} by {self.size(value)} per {unit}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """A shape: sizes with the power of the coordinate that each goes with, places in x, lengths in x, its function.
+    """A shape: sizes with the power of the coordinate in their unit, places in x, lengths in x, and its function.
 
-    `ends` are ends of its range that no fit moves, `numbers` what has no unit, with its bounds. `says` is a sentence
-    about it; `memory` says that x is the coordinate through a first-order lag, or what a backlash holds back of it.
+    `ends` are the ends of its range, which are not fitted; `numbers` are parameters without a unit, with their bounds.
+    The callable `says` returns a sentence about it. With a `memory`, x is the coordinate after a first-order lag, or
+    the part of it that a backlash holds back.
     """
 
     sizes: Mapping[str, int] = field(default_factory=lambda: {"change": 0})
@@ -77,7 +78,7 @@ class Shape:
     memory: Literal["", "lag", "backlash"] = ""
 
     def written(self, over: str, times: str = "") -> str:
-        """Its formula over a coordinate, in proportion to a second one where there is one."""
+        """Return the formula over a coordinate, multiplied by a second one if given."""
         written = self.formula.format(x=over)
         return f"({written})·{times}" if times else written
 
@@ -94,7 +95,7 @@ def _plateau(p: Mapping[str, float], x: FloatArray) -> FloatArray:
 def _bursts(p: Mapping[str, float], x: FloatArray) -> FloatArray:
     since = np.mod(x - p["at"], p["period"])
     edge = EDGE * p["length"]
-    # the edge of the next burst begins before it
+    # half the edge of the next burst lies before its start
     return p["change"] * (_ramp(since, 0.0, edge) - _ramp(since, p["length"], edge) + _ramp(since, p["period"], edge))
 
 
@@ -120,32 +121,32 @@ def _within(said: Said) -> str:
 
 
 def _step(side: str, sign: float, formula: str) -> Shape:
-    """A step on one side of a place, by a ramp over a width."""
+    """Return a step on one side of a place, as a ramp over a width."""
     return Shape(
         places=("at",),
         lengths=("width",),
         formula=f"change·clip({formula}/width + ½, 0, 1)",
         function=lambda p, x: p["change"] * _ramp(sign * x, sign * p["at"], p["width"]),
-        says=lambda said: (
-            f"Where {said.along} is {side} {said.place()} the {said.what} is {said.change()}; the change takes"
-            f" {said.place('width')} or less."
+        says=lambda of: (
+            f"Where {of.along} is {side} {of.place()} the {of.what} is {of.change()}; the change takes"
+            f" {of.place('width')} or less."
         ),
     )
 
 
 def _kink(side: str, limited: str) -> Shape:
-    """A line that begins at a place and leads away from it on one side."""
+    """Return a shape that is zero on one side of a place and linear on the other."""
     return Shape(
         sizes={side: 1},
         places=("at",),
         formula=f"{side}·{limited}({{x}} − at, 0)",
         function=_bent,
-        says=lambda said: f"{side.capitalize()} {said.place()} of {said.along} the {said.what} {said.slope(side)}.",
+        says=lambda of: f"{side.capitalize()} {of.place()} of {of.along} the {of.what} {of.slope(side)}.",
     )
 
 
 def _power(side: str, sign: float, end: Literal["low", "high"], formula: str) -> Shape:
-    """A power of the distance from a place, on one side of it; its size is what is reached at the end of the range."""
+    """Return a power of the distance from a place, on one side of it; its size is the value at the end of the range."""
 
     def function(p: Mapping[str, float], x: FloatArray) -> FloatArray:
         share = np.maximum(sign * (x - p["at"]), 0.0) / max(sign * (p[end] - p["at"]), 1e-9)
@@ -157,15 +158,15 @@ def _power(side: str, sign: float, end: Literal["low", "high"], formula: str) ->
         numbers={"exponent": (0.2, 5.0)},
         formula=f"change·(max({formula}, 0)/|{end} − at|)^exponent",
         function=function,
-        says=lambda said: (
-            f"{side.capitalize()} {said.place()} of {said.along} the {said.what} changes as the distance to the power"
-            f" of {said.values['exponent']:.3g}: at {said.place(end)} it is {said.change()}."
+        says=lambda of: (
+            f"{side.capitalize()} {of.place()} of {of.along} the {of.what} changes as the distance to the power"
+            f" of {of.values['exponent']:.3g}: at {of.place(end)} it is {of.change()}."
         ),
     )
 
 
 def _exponential(sign: float, end: Literal["low", "high"], formula: str, how: str) -> Shape:
-    """What grows towards an end of its range by a factor e each length; beyond that end it stays."""
+    """Return a shape that grows by a factor e per length towards an end of its range and is constant beyond."""
 
     def function(p: Mapping[str, float], x: FloatArray) -> FloatArray:
         return np.asarray(p["change"] * np.exp(np.minimum(sign * (x - p[end]) / p["tau"], 0.0)))
@@ -175,15 +176,15 @@ def _exponential(sign: float, end: Literal["low", "high"], formula: str, how: st
         ends=(end,),
         formula=formula,
         function=function,
-        says=lambda said: (
-            f"The {said.what} changes exponentially as {said.along} {how}, by a factor e each {said.place('tau')}: at"
-            f" {said.place(end)} it is {said.change()}."
+        says=lambda of: (
+            f"The {of.what} changes exponentially as {of.along} {how}, by a factor e each {of.place('tau')}: at"
+            f" {of.place(end)} it is {of.change()}."
         ),
     )
 
 
 def _polynomial(degree: int, name: str) -> Shape:
-    """A polynomial without a constant."""
+    """Return a polynomial without a constant."""
     names = [f"c{i + 1}" for i in range(degree)]
 
     def says(said: Said) -> str:
@@ -199,7 +200,7 @@ def _polynomial(degree: int, name: str) -> Shape:
 
 
 def _way(number: int, relation: str, chosen: Callable[[FloatArray], BoolArray]) -> Shape:
-    """A change where the coordinate is below, above or away from zero."""
+    """Return a change where the coordinate is below zero, above zero, or not zero."""
 
     def says(said: Said) -> str:
         ways = OVER[said.over].ways
@@ -210,7 +211,7 @@ def _way(number: int, relation: str, chosen: Callable[[FloatArray], BoolArray]) 
 
 
 def _spline(knots: int) -> Shape:
-    """A smooth curve through values at evenly spaced knots from `low` to `high`."""
+    """Return a cubic spline through values at evenly spaced knots from `low` to `high`."""
     names = [f"v{i}" for i in range(knots)]
 
     def function(p: Mapping[str, float], x: FloatArray) -> FloatArray:
@@ -224,23 +225,23 @@ def _spline(knots: int) -> Shape:
         ends=("low", "high"),
         formula=f"a cubic spline over {{x}} through v0 … v{knots - 1}, evenly from low to high",
         function=function,
-        says=lambda said: (
-            f"The {said.what} follows a smooth curve over {said.along}: it varies by"
-            f" {said.size(float(np.ptp([said.values[name] for name in names])))} in all."
+        says=lambda of: (
+            f"The {of.what} follows a smooth curve over {of.along}: it varies by"
+            f" {of.size(float(np.ptp([of.values[name] for name in names])))} in all."
         ),
     )
 
 
 def _any(formula: str, of_share: Callable[[FloatArray], FloatArray]) -> Shape:
-    """A function of the distance from a place in units of a width; no diagnosis looks for it."""
+    """Return a function of the distance from a place in units of a width; a diagnosis does not search for it."""
     return Shape(
         places=("at",),
         lengths=("width",),
         formula=formula,
         function=lambda p, x: p["change"] * of_share((x - p["at"]) / p["width"]),
-        says=lambda said: (
-            f"The {said.what} depends on {said.along} as {formula.format(x='x')}: change {said.change()}, at"
-            f" {said.place()}, width {said.place('width')}."
+        says=lambda of: (
+            f"The {of.what} depends on {of.along} as {formula.format(x='x')}: change {of.change()}, at"
+            f" {of.place()}, width {of.place('width')}."
         ),
     )
 
@@ -256,25 +257,25 @@ SHAPES: Mapping[str, Shape] = {
         function=lambda p, x: (
             p["change"] * _ramp(x, p["at"], p["width"]) + p["change_2"] * _ramp(x, p["at_2"], p["width"])
         ),
-        says=lambda said: (
-            f"Above {said.place()} of {said.along} the {said.what} is {said.change()}, and above {said.place('at_2')}"
-            f" {said.change('change_2')} than before; each change takes {said.place('width')} or less."
+        says=lambda of: (
+            f"Above {of.place()} of {of.along} the {of.what} is {of.change()}, and above {of.place('at_2')}"
+            f" {of.change('change_2')} than before; each change takes {of.place('width')} or less."
         ),
     ),
     "jump": Shape(
         places=("at",),
         formula="change·[{x} ≥ at]",
         function=lambda p, x: p["change"] * (x >= p["at"]),
-        says=lambda said: f"From {said.place()} of {said.along} on the {said.what} is {said.change()}.",
+        says=lambda of: f"From {of.place()} of {of.along} on the {of.what} is {of.change()}.",
     ),
     "plateau": Shape(
         places=("at",),
         lengths=("length",),
         formula="change·[at ≤ {x} < at + length]",
         function=_plateau,
-        says=lambda said: (
-            f"Where {said.along} is between {said.place()} and {said.place(said.values['at'] + said.values['length'])}"
-            f" the {said.what} is {said.change()}."
+        says=lambda of: (
+            f"Where {of.along} is between {of.place()} and {of.place(of.values['at'] + of.values['length'])}"
+            f" the {of.what} is {of.change()}."
         ),
     ),
     "kink": _kink("above", "max"),
@@ -286,9 +287,9 @@ SHAPES: Mapping[str, Shape] = {
         places=("at",),
         formula="below·min({x} − at, 0) + above·max({x} − at, 0)",
         function=_bent,
-        says=lambda said: (
-            f"The {said.what} bends at {said.place()} of {said.along}: below, it {said.slope('below')}; above, it"
-            f" {said.slope('above')}."
+        says=lambda of: (
+            f"The {of.what} bends at {of.place()} of {of.along}: below, it {of.slope('below')}; above, it"
+            f" {of.slope('above')}."
         ),
     ),
     "bump": Shape(
@@ -312,9 +313,8 @@ SHAPES: Mapping[str, Shape] = {
         lengths=("tau",),
         formula="change·exp(−{x}/tau)",
         function=lambda p, x: p["change"] * np.exp(-x / p["tau"]),
-        says=lambda said: (
-            f"The {said.what} begins {said.change()} and settles over {said.along} with a constant of"
-            f" {said.place('tau')}."
+        says=lambda of: (
+            f"The {of.what} begins {of.change()} and settles over {of.along} with a constant of {of.place('tau')}."
         ),
     ),
     "rise": _exponential(1.0, "high", "change·exp(({x} − high)/tau)", "rises"),
@@ -324,9 +324,9 @@ SHAPES: Mapping[str, Shape] = {
         lengths=("period", "length"),
         formula="change·[({x} − at) mod period < length]",
         function=_bursts,
-        says=lambda said: (
-            f"Every {said.place('period')} of {said.along}, from {said.place()} on, the {said.what} is {said.change()}"
-            f" for {said.place('length')}."
+        says=lambda of: (
+            f"Every {of.place('period')} of {of.along}, from {of.place()} on, the {of.what} is {of.change()}"
+            f" for {of.place('length')}."
         ),
     ),
     "negative": _way(0, "<", lambda x: x < 0.0),
@@ -344,10 +344,10 @@ SHAPES: Mapping[str, Shape] = {
         lengths=("width",),
         formula="c1·(play({x}; ±width) − {x})",
         function=lambda p, x: p["c1"] * x,
-        says=lambda said: (
-            f"The {said.what} has a hysteresis over {said.along}: at the same value it differs by"
-            f" {said.size(2.0 * said.values['width'] * said.values['c1'])} between rising and falling; it follows with"
-            f" a backlash of ±{said.place('width')}."
+        says=lambda of: (
+            f"The {of.what} has a hysteresis over {of.along}: at the same value it differs by"
+            f" {of.size(2.0 * of.values['width'] * of.values['c1'])} between rising and falling; it follows with"
+            f" a backlash of ±{of.place('width')}."
         ),
         memory="backlash",
     ),
@@ -356,9 +356,9 @@ SHAPES: Mapping[str, Shape] = {
         sizes={"c1": 1},
         formula="c1·y, τ·dy/dt = {x} − y, τ = tau",
         function=lambda p, x: p["c1"] * x,
-        says=lambda said: (
-            f"The {said.what} follows {said.along} with a memory of {said.values['tau']:.4g} s: it"
-            f" {said.slope('c1')} of what {said.along} was."
+        says=lambda of: (
+            f"The {of.what} follows {of.along} with a memory of {of.values['tau']:.4g} s: it"
+            f" {of.slope('c1')} of what {of.along} was."
         ),
         memory="lag",
     ),

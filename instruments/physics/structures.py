@@ -1,17 +1,17 @@
-"""Physics without a name: what acts at a stage, as a function of a coordinate, in a shape that a search has found.
+"""Structures: unnamed effects at a stage, as a function of a coordinate with a shape that a search has found.
 
-A structure is an effect like any other, made from a stage, a coordinate and a shape; its identifier says which:
-`kink_of_scale_over_gyro_temp`, or `kink_of_scale_over_gyro_temp_times_abs_rate` of one that is in proportion to a
-second coordinate. In a model file it is a table of `[discovered]`, a second of its kind with `_2` behind its name:
+A structure is an effect made from a stage, a coordinate and a shape. Its identifier contains them:
+`kink_of_scale_over_gyro_temp`, or `kink_of_scale_over_gyro_temp_times_abs_rate` if it is proportional to a second
+coordinate. In a model file it is a table of `[discovered]`; the name of a second one of the same kind ends with `_2`:
 
     [discovered.kink_of_scale_over_gyro_temp]
     at = 27.7
     above = -4.8e-4
 
 Its function f acts on the scale factor as (U − U0)·(1 + f), on the bias as U + f, on the sampling as a delay f, on the
-encoder's angle as θ + f, on the noise as σ·(1 + f), on the torque of a table's drive as τ + f, on the heat of a
-chamber as T_room + f: through the lag of its air. Those of a drive or a chamber are tables of `[parts.drive.effects]`
-or `[parts.chamber.effects]`; their coordinates are those of its rows.
+encoder's angle as θ + f, on the noise as σ·(1 + f), on the torque of a table's drive as τ + f, and on the heat of a
+chamber as T_room + f, through the lag of its air. Structures of a drive or a chamber are tables of
+`[parts.drive.effects]` or `[parts.chamber.effects]`; their coordinates are those of the part's rows.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-import scipy  # which loads signal when it is first used
+import scipy  # scipy.signal is loaded at its first use
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals
@@ -38,9 +38,9 @@ from benchctl_instruments.physics.structure_shapes import SHAPES, Said
 _EVERYWHERE: Span = (-1e12, 1e12)
 _ARCSEC = 3600.0
 _TABULATED = 4000
-"""Temperatures of the air at which what is a function of it is tabulated, straight between them."""
+"""Number of air temperatures at which functions of it are tabulated, with linear interpolation."""
 _NARROWEST, _WIDEST = 1e-3, 2.0
-"""Widths and periods, as shares of the coordinate's range."""
+"""Limits of widths and periods, relative to the coordinate's range."""
 
 _LOOK_ALIKES: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("bias", "rate"): ("rate_nonlinearity", "saturation", "two_rails", "dead_zone", "fringe_ambiguity"),
@@ -58,13 +58,13 @@ _LOOK_ALIKES: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("scale", "angle"): ("encoder_eccentricity", "encoder_interpolation"),
     ("sampling", "time"): ("clock_drift",),
 }
-"""Effects with a name that may do what a structure at a stage over a coordinate does."""
+"""Named effects that may look like a structure at a stage over a coordinate."""
 _ONE_OF = "|".join(OVER)
 _NAME = re.compile(rf"({'|'.join(SHAPES)})_of_({'|'.join(ACTS)})_over_({_ONE_OF})(?:_times_({_ONE_OF}))?(?:_[2-9])?")
 
 
 class Structure(PhysicalEffect):
-    """A structure; a subclass, made by `structure`, has the shape's parameters as its fields.
+    """Base class of structures. The subclasses made by `structure` have the shape's parameters as fields.
 
     Attributes
     ----------
@@ -73,9 +73,9 @@ class Structure(PhysicalEffect):
     over
         The coordinate, one of `OVER`.
     times
-        A second coordinate that its function is in proportion to, or nothing.
+        A second coordinate to which the function is proportional, or an empty string.
     word
-        The coordinate, or both, as a diagnosis states them.
+        The coordinate, or both, as reported by a diagnosis.
     acts_on
         One of `ACTS`.
     """
@@ -87,11 +87,11 @@ class Structure(PhysicalEffect):
     acts_on: ClassVar[StructureStage]
 
     def value_at(self, x: FloatArray) -> FloatArray:
-        """Its function f at values of the coordinate, shape (n,)."""
+        """Return the function f at values of the coordinate, shape (n,)."""
         return np.asarray(SHAPES[self.shape].function(self.values, x), dtype=np.float64)
 
     def function_of(self, signals: Signals) -> tuple[FloatArray, Signals]:
-        """Its function f of signals, shape (n,), and the signals with what it must remember of them."""
+        """Return the function f of signals, shape (n,), and the signals with its updated memory."""
         x = OVER[self.over].values(signals)
         if self.pointwise:
             f = self.value_at(x)
@@ -109,33 +109,33 @@ class Structure(PhysicalEffect):
 
     @property
     def is_smooth(self) -> bool:
-        """Whether it is a curve that follows anything smooth."""
+        """Whether it is a spline, which can follow any smooth function."""
         return len(SHAPES[self.shape].ends) > 1
 
     @property
     def is_stepped(self) -> bool:
-        """Whether it changes at places, over a width."""
+        """Whether it has steps, each with a width."""
         return self.shape in ("step", "step_below", "steps")
 
     @property
     def is_sharp(self) -> bool:
-        """Whether it is a step as narrow as one can be told, and at no other bound."""
+        """Whether it is a step and no bound is reached except, possibly, the lower one of its width."""
         width = self.parameters.get("width")
         inside = all(one.low < self.values[name] < one.high for name, one in self.parameters.items() if name != "width")
         return self.is_stepped and width is not None and self.values["width"] < width.high and inside
 
     @property
     def plausible(self) -> bool:
-        """Whether a plateau ends within the coordinate's range: one that does not is a step."""
+        """Whether a plateau ends within the coordinate's range; otherwise it is a step. True for other shapes."""
         return self.shape != "plateau" or self.values["at"] + self.values["length"] < self.parameters["at"].high
 
     def apply(self, signals: Signals) -> Signals:
-        """The signals with the structure."""
+        """Return the signals with the structure applied."""
         change, signals = self.function_of(signals)
         return self.changed(signals, change)
 
     def changed(self, signals: Signals, change: FloatArray) -> Signals:
-        """The signals with the structure, whose function of them is `change` (n,)."""
+        """Return the signals with the structure applied, given its function `change` (n,)."""
         if self.acts_on == "scale":
             return replace(signals, output_v=signals.output_v * (1.0 + change))
         if self.acts_on == "sampling":
@@ -147,23 +147,23 @@ class Structure(PhysicalEffect):
         return replace(signals, output_v=signals.output_v + change)
 
     def _more_noise(self, signals: Signals, change: FloatArray) -> FloatArray:
-        """What is missing to noise of σ·(1 + f), f ≥ 0, where noise of σ is there already."""
+        """Return the additional noise that increases existing noise of σ to σ·(1 + f), f ≥ 0."""
         drawn = normals(getattr(self, "seed", 1), self.identifier, signals.first_index, signals.time_s.size, 1)[:, 0]
         more = np.sqrt(np.maximum((1.0 + change) ** 2 - 1.0, 0.0))
         return np.asarray(drawn * more * getattr(self, "noise_v_rms", 0.0))
 
     def says(self) -> str:
-        """What it does, in one sentence with its numbers."""
+        """Return a sentence that describes the structure with its values."""
         return SHAPES[self.shape].says(Said(stage=self.acts_on, over=self.over, times=self.times, values=self.values))
 
 
 def lagged(
     x: FloatArray, time_s: FloatArray, interval_s: float, tau_s: float, kept: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """The first-order lag of x, shape (n,), which goes on from what was `kept`, and what is to be kept of it.
+    """Return the first-order lag of x, shape (n,), and its state for the next call (`kept`).
 
-    It begins settled. In a pause x is taken to have been what it was before for one half, and what it is then for the
-    other: a table that turns back passes rest about in the middle.
+    Without a state, the lag starts settled. During a pause, x is assumed to have its last value for the first half and
+    its next value for the second half: a table that reverses passes rest about in the middle.
     """
     share = -math.expm1(-interval_s / tau_s)
     value = float(x[0])
@@ -178,10 +178,10 @@ def lagged(
 def pushed(
     signals: ChamberSignals, structures: Sequence[Structure], clock_s: FloatArray, gain: float, reach_c: Span
 ) -> ChamberSignals:
-    """The signals with heat that has no name: functions of time, of the air, or of the heater, whose way it then goes.
+    """Return the signals with the heat of structures: functions of time, of the air temperature or of the heater.
 
-    `clock_s` (n,) counts from the beginning of the recording; `gain` [K] is that of the drive. Beyond `reach_c`
-    a function of the air stays what it is at its ends.
+    A function of the heater is added to the drive. `clock_s` (n,) starts with the recording; `gain` [K] is that of the
+    drive. Outside `reach_c`, a function of the air temperature is constant.
     """
     at_c = np.linspace(*reach_c, _TABULATED)
     of_air, push_c, drive = np.zeros_like(at_c), np.zeros_like(clock_s), signals.drive
@@ -199,7 +199,7 @@ def pushed(
 def structure(
     stage: StructureStage, over: str, shape: str, span: Span = _EVERYWHERE, times: str = ""
 ) -> type[Structure]:
-    """The effect of a shape at a stage over a coordinate, of which a recording holds values in `span`."""
+    """Return the structure class of a shape at a stage over a coordinate with values in `span`."""
     acts, coordinate = ACTS[stage], OVER[over]
     parameters = _parameters(stage, over, shape, span, times)
     lagged = SHAPES[shape].memory == "lag"
@@ -235,7 +235,7 @@ def structure(
 
 
 def unmoved(effect: Structure, roles: tuple[Role, ...] = ("size", "shape")) -> Structure:
-    """The same structure with numbers that no fit moves: those of some roles."""
+    """Return the structure with its parameters of some roles fixed."""
     kind = type(effect)
     parameters = {
         name: replace(parameter, role="assumed") if parameter.role in roles else parameter
@@ -246,7 +246,7 @@ def unmoved(effect: Structure, roles: tuple[Role, ...] = ("size", "shape")) -> S
 
 
 def freed(effect: Structure) -> Structure:
-    """The same structure with all numbers free that `unmoved` holds."""
+    """Return the structure with all parameters free that `unmoved` has fixed."""
     kind = type(effect)
     while kind.__base__ is not None and kind.__base__ is not Structure:
         kind = kind.__base__
@@ -254,7 +254,7 @@ def freed(effect: Structure) -> Structure:
 
 
 def structure_named(identifier: str) -> type[Structure] | None:
-    """The structure of an identifier, or of one with a number behind it, over any range; None where it names none."""
+    """Return the structure class of an identifier (with or without a suffix `_2`), over any range; None if invalid."""
     match = _NAME.fullmatch(identifier)
     if match is None:
         return None
@@ -263,7 +263,7 @@ def structure_named(identifier: str) -> type[Structure] | None:
 
 
 def _parameters(stage: StructureStage, over: str, shape: str, span: Span, times: str) -> Mapping[str, Parameter]:
-    """Its parameters, sizes first; where they are known, within the range of the coordinate."""
+    """Return the parameters, sizes first, with bounds from the range of the coordinate if it is known."""
     acts, along, form = ACTS[stage], OVER[over].unit, SHAPES[shape]
     low, high = span
     wide, bounded = high - low, span != _EVERYWHERE

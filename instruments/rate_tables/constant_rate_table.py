@@ -95,7 +95,7 @@ class KeptLimits:
         """Return the limits; raises `UsageError` before they are set."""
         if self._limits is None:
             raise UsageError(
-                f"{self._name}: it was to move before its limits were set, and its controller keeps none on the rate;"
+                f"{self._name}: commanded to move before its limits were set, and its controller has none on the rate;"
                 " call set_limits() first"
             )
         return self._limits

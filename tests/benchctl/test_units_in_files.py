@@ -68,7 +68,7 @@ def test_what_a_certificate_states_of_the_air_may_be_no_temperature_so_only_degr
     certificate = bench_with("[chamber]\n", table).chamber.certificate
     assert certificate is not None
     assert certificate.air_c == 0.3
-    with pytest.raises(UsageError, match="is not said by its name"):
+    with pytest.raises(UsageError, match="is not clear from its name"):
         bench_with("[chamber]\n", table.replace("°C", "K"))
 
 

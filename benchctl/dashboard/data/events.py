@@ -77,7 +77,7 @@ _SENTENCES: Mapping[str, Told] = {
     "motion": ("the step is not complete: {says}", "bad"),
     "operator": ("done by {by}: {says}, after {waited_s:g} s", "info"),
     "recovered": ("recovered: {says}", "warning"),
-    "resume": ("gone on with, {whole:,} steps being whole; begun {day:,} times before", "info"),
+    "resume": ("resumed with {whole:,} complete steps; started {day:,} times before", "info"),
     "step": ("step {number|index:,} begins: {name}", "info"),
     "torn": ("a line of the journal was torn by the program's death", "warning"),
     "unreadable": ("a crash left {file} unreadable: {why}", "bad"),

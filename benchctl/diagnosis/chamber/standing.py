@@ -57,7 +57,7 @@ def rail_in(
             rows=rows,
             gain=gain_of(at_rail),
             says=(
-                f"The thermometer stands at {stated} in {int(at_rail.sum())} of {read_c.size} readings although the air"
+                f"The thermometer reads {stated} in {int(at_rail.sum())} of {read_c.size} readings although the air"
                 " goes on: its converter is at the rail. These are left out."
             ),
             coordinate="chamber_temp",

@@ -199,7 +199,7 @@ class DriveProblem(MadeOfRows):
         if self.turns_one_way:
             sentences.append(
                 "The table turns one way only: dry friction, which turns with the direction, and an offset of the"
-                " torque, which does not, cannot be told apart."
+                " torque, which does not, cannot be separated."
             )
         if float(np.ptp(rate)) < 0.05 * float(np.abs(rate).max()):
             sentences.append(

@@ -160,7 +160,7 @@ def _rail(
         rows=rows.holding(np.asarray(binary_dilation(samples, iterations=NEAR))),
         gain=gain_of(samples),
         says=(
-            f"The torque stands at {stated} in {int(samples.sum())} of {samples.size} samples although the motion takes"
+            f"The torque is {stated} in {int(samples.sum())} of {samples.size} samples although the motion takes"
             " more: its converter is at the rail. They are left out."
         ),
         coordinate="output",

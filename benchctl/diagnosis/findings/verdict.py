@@ -74,5 +74,5 @@ def sentence_of(verdict: Verdict, findings: Sequence[Finding], unexplained: Unex
     if sentences:
         return " ".join(sentences)
     if verdict == "recalibrate":
-        return "No physics is missing; the model's own parameters have moved and want recalibrating."
+        return "No physics is missing; the model's own parameters have changed; recalibrate."
     return "The model agrees with the recording to within its noise."

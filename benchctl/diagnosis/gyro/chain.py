@@ -1,10 +1,10 @@
-"""The gyro's chain on the samples of a recording: from the encoder's motion to the volts that the lab's model predicts.
+"""Prediction of the gyro's output for a recording: from the encoder's motion to the volts of the lab's model.
 
     U = U0 + K0·k(T)·k(ω)·ω,    k(T) = 1 + a1·(T − T0) + …,    k(ω) = 1 + b2·ω² + b4·ω⁴ + …
 
-and any effects at their stages. The coil feels the Earth's rate beside the table's, and U0 is what it puts out at rest:
-where k(ω) bends, or small rates are not felt, that is more than a bias. Motion and linear filters are band-limited, so
-that a filter is exact as a product in frequency, and a shift in time as a spline of fifth degree.
+and any effects at their stages. The coil senses the Earth's rate in addition to the table's, and U0 is the output at
+rest; if k(ω) is not constant or small rates are not sensed, U0 is not only a bias. Motion and linear filters are
+band-limited, so a filter is computed as a product in the frequency domain and a time shift by a quintic spline.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ from benchctl_instruments.physics.structure_places import OVER
 from benchctl_instruments.physics.structures import Structure
 
 _KEPT = 2
-"""So many results of each stage are kept: what others begin with, and what was asked for last."""
+"""Number of cached results per stage: the common starting point and the latest request."""
 
 _ARCSEC = 3600.0
 _PART = 1 << 18
-"""So many rows are worth a thread of their own."""
+"""Number of rows per thread."""
 
 _COARSE_ORDER = 8.0
-"""Errors of an encoder that change faster than so often a turn do not pass the filter of the rate as they are."""
+"""Encoder errors with more periods per turn are attenuated by the rate filter."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law:
-    """Which terms the lab's model has: parameters are K0, U0, then those of k(T), then those of k(ω)."""
+    """The terms of the lab's model. The parameters are K0, U0, then those of k(T), then those of k(ω)."""
 
     T0_c: float
     temperature_terms: int
     rate_terms: int
 
     def volts(self, baseline: FloatArray, rate_dps: FloatArray, coil_c: FloatArray) -> FloatArray:
-        """K0·k(T)·k(ω)·ω, shape (n,)."""
+        """Return K0·k(T)·k(ω)·ω, shape (n,)."""
         K0, _, *terms = baseline.tolist()
         k_T, k_omega = terms[: self.temperature_terms], terms[self.temperature_terms :]
         volts = np.empty_like(rate_dps)
@@ -66,10 +66,10 @@ class Law:
 
 @dataclass
 class GyroChain:
-    """Predicts the gyro's output for a frame; what effects of the same early stages share is kept for the next call.
+    """Predicts the gyro's output for a frame and caches the results of the stages for later calls.
 
-    `earth_dps` is the Earth's rate about the table's axis, 0 to leave it out; `fast_dps` (n,) is what the gyro felt
-    above the band in which the encoder's angles make a rate. Several threads may ask at once.
+    `earth_dps` is the Earth's rate about the table's axis, 0 to ignore it. `fast_dps` (n,) is the rate sensed by the
+    gyro above the bandwidth of the encoder's rate. The methods are thread-safe.
     """
 
     frame: Frame
@@ -81,22 +81,22 @@ class GyroChain:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def predict(self, baseline: FloatArray, effects: Sequence[PhysicalEffect]) -> FloatArray:
-        """Volts of shape (n,) for K0, U0, … of shape (p,) and effects, which act in the order of their stages.
+        """Return the volts (n,) for K0, U0, … of shape (p,) and effects, which act in the order of their stages.
 
-        They cannot be written to: what is kept for the next call may be among them.
+        The array is read-only because it may be a cached result.
         """
-        asked = _Asked(
+        request = _Asked(
             baseline=baseline,
             moving=tuple(effect for effect in effects if _is_of_motion(effect)),
             others=tuple(effect for effect in effects if not _is_of_motion(effect)),
         )
-        signals = self._through("sampling", self._biased(asked), asked.others)
+        signals = self._through("sampling", self._biased(request), request.others)
         volts = self._stacked[0].sampled(signals.output_v).view()
         volts.flags.writeable = False
         return volts
 
     def forget(self) -> None:
-        """Let go of all that is kept for the next call."""
+        """Clear the cache."""
         with self._lock:
             self._volts.clear()
             self._kept.clear()
@@ -111,7 +111,7 @@ class GyroChain:
         return Filters([part.rows for part in self._stacked[0].stretches], self.frame.interval_s)
 
     def _biased(self, asked: _Asked) -> Signals:
-        """All that comes before the sampling. Where no effect acts, a stage hands on what it was given."""
+        """Return the signals before the sampling. A stage without effects returns its input."""
 
         def with_bias() -> Signals:
             bias_v = asked.baseline[1] - asked.baseline[0] * self.earth_dps
@@ -125,7 +125,7 @@ class GyroChain:
         return signals
 
     def _scaled(self, asked: _Asked) -> Signals:
-        """The law's volts, without the bias, and what acts on them."""
+        """Return the volts of the law without the bias, with the effects of the scale stage."""
         K0, _, *terms = asked.baseline.tolist()
         values = (K0, *terms)
 
@@ -137,7 +137,7 @@ class GyroChain:
         return self._after("scale", asked, signals, values)
 
     def _warmed(self, asked: _Asked) -> Signals:
-        """What the coil feels: rate and temperature."""
+        """Return the signals with the rate and the temperature of the coil."""
 
         def with_earth() -> Signals:
             signals = self._remembered("table", asked.moving, lambda: self._moved(asked.moving))
@@ -148,7 +148,7 @@ class GyroChain:
         return self._heated(asked, self._after("sensed_rate", asked, signals))
 
     def _heated(self, asked: _Asked, signals: Signals) -> Signals:
-        """The coil as warm as effects make it. How it is turned does not matter to that: all motions share it."""
+        """Return the signals with the coil temperature under its effects; the motion has no influence on it."""
         own = tuple(effect for effect in asked.others if effect.stage == "coil_temperature")
         if not own:
             return signals
@@ -161,7 +161,7 @@ class GyroChain:
         return replace(signals, coil_c=warm.coil_c, coil_rate_c_per_s=warm.coil_rate_c_per_s)
 
     def _after(self, stage: Stage, asked: _Asked, signals: Signals, values: tuple[float, ...] = ()) -> Signals:
-        """What the effects of a stage make of signals, which depend on these values of the baseline."""
+        """Apply the effects of a stage to signals that depend on these `values` of the baseline."""
         own = [effect for effect in asked.others if effect.stage == stage]
         if not own:
             return signals
@@ -174,7 +174,7 @@ class GyroChain:
         with self._lock:
             found = kept.pop(key, None)
             if found is not None:
-                kept[key] = found  # as the one that was asked for last
+                kept[key] = found  # as the latest entry
                 return found
         found = make()
         with self._lock:
@@ -184,7 +184,7 @@ class GyroChain:
         return found
 
     def _through(self, stage: Stage, signals: Signals, effects: Sequence[PhysicalEffect]) -> Signals:
-        """Signals with the effects of a stage, one after the other."""
+        """Apply the effects of a stage one after the other."""
         stack = self._stacked[0]
         for effect in effects:
             if effect.stage != stage:
@@ -202,7 +202,7 @@ class GyroChain:
         return signals
 
     def _moved(self, effects: Sequence[PhysicalEffect]) -> Signals:
-        """Motion at the instants of the gyro's samples, with the encoder's errors taken off."""
+        """Return the motion at the instants of the gyro's samples, corrected for encoder errors."""
         signals = self._stacked[1]
         for effect in effects:
             if isinstance(effect, EncoderEffect):
@@ -221,15 +221,15 @@ class GyroChain:
 
     def _corrected(self, signals: Signals, effect: EncoderEffect) -> Signals:
         frame = self.frame
-        # what repeats with the angle like ripple went past the filters
+        # errors at the orders of the ripple were not filtered
         if effect.waves_a_turn <= _COARSE_ORDER or effect.waves_a_turn in frame.motions[0].ripple.orders:
             return effect.true_motion(signals)
-        # finer than the filter of the rate: the error is taken off before it
+        # finer than the rate filter resolves: the error is subtracted before it
         stated = frame.encoder_deg
         return self._without_error(signals, effect.error_deg(stated - effect.error_deg(stated)))
 
     def _without_error(self, signals: Signals, error_deg: FloatArray) -> Signals:
-        """Signals without what an error of the encoder, shape (n,), has added to the rate, through its filter."""
+        """Return the signals without the filtered rate of an encoder error, shape (n,)."""
         frame = self.frame
         rate = signals.rate_dps.copy()
         wrong = rates_of(frame.motions, [error_deg[rows] for rows in frame.stretches])
@@ -251,14 +251,14 @@ class GyroChain:
 
 
 def _is_of_motion(effect: PhysicalEffect) -> bool:
-    """Whether an effect changes the motion as it is known."""
+    """Return whether an effect changes the recorded motion."""
     of_encoder = isinstance(effect, Structure) and effect.acts_on == "encoder"
     return of_encoder or isinstance(effect, (ClockEffect, EncoderEffect))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Asked:
-    """What is to be predicted: parameters (p,), effects that change the motion as it is known, and the others."""
+    """A request: parameters (p,), effects that change the recorded motion, and the other effects."""
 
     baseline: FloatArray
     moving: tuple[PhysicalEffect, ...]
@@ -266,11 +266,11 @@ class _Asked:
 
     @property
     def clocks(self) -> tuple[PhysicalEffect, ...]:
-        """Those that change the instants at which all is known."""
+        """The effects that change the sampling instants."""
         return tuple(effect for effect in self.moving if isinstance(effect, ClockEffect))
 
     def until(self, stage: Stage) -> tuple[PhysicalEffect, ...]:
-        """All effects that have acted after a stage."""
+        """Return all effects up to and including a stage."""
         last = STAGES.index(stage)
         return (*self.moving, *(effect for effect in self.others if STAGES.index(effect.stage) <= last))
 

@@ -81,7 +81,7 @@ def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> I
     if not _turns(frame):
         yield (
             "The table never turns in this recording: of the scale factor, of all that grows with the rate, of time and"
-            " of the encoder nothing is observable; what is said is of the bias."
+            " of the encoder nothing is observable; the result concerns the bias only."
         )
     elif float(np.sum(np.abs(frame.rate_dps) < _TURNING_DPS)) * frame.interval_s < _REST_S:
         yield "The table never rests in this recording: the bias is known from its motion alone."
@@ -98,7 +98,7 @@ def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> I
     else:
         if frame.thermistor == AIR:
             yield (
-                f"The gyro's thermistor ({THERMISTOR}) was not recorded: the chamber's air stands for it, and the"
+                f"The gyro's thermistor ({THERMISTOR}) was not recorded: the chamber's air is used instead, and the"
                 " housing's own slowness would look like a thermal lag."
             )
         span = float(np.ptp(frame.temp_c))

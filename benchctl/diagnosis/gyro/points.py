@@ -290,7 +290,7 @@ def _at_rest(rest: FloatArray, turning: FloatArray, simulation: Mapping[str, Any
     if chance < _ODD:
         yield (
             f"{text}, which chance does {chance:.1g} of the time: that is left unexplained. A table at rest differs"
-            " from one that turns in more than its rate (slip rings, cables, drive); runs at 1 to 5 °/s would tell."
+            " from one that turns in more than its rate (slip rings, cables, drive); runs at 1 to 5 °/s show which."
         )
     else:
         yield f"{text}, which is within the scatter of the others."

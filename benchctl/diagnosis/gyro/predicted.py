@@ -23,9 +23,7 @@ def predict(recording: Recording, model: Mapping[str, Any]) -> tuple[Frame, Floa
     Raises `UsageError` if the model has no `simulation`, or the recording no usable scans.
     """
     if not model.get("simulation"):
-        raise UsageError(
-            "this model has no [simulation]: it says nothing of what a recording's gyro should put out; add the table"
-        )
+        raise UsageError("this model has no [simulation], which defines the output of the gyro; add the table")
     simulation = {"k_T": (), "k_omega": (), **model["simulation"]}
     problem = gyro_problem(recording, model=simulation, whole_steps=True)
     effects = make_effects(model.get("effects", {}), problem.circumstances)

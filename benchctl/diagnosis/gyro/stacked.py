@@ -1,6 +1,6 @@
-"""Signals of all stretches of a recording in one row after another, pauses between them among them.
+"""Concatenated signals of all stretches of a recording, including the pauses between them.
 
-What answers to each sample by itself then takes one look at all of them; what remembers or filters takes them apart.
+Pointwise effects are applied to all rows at once; effects with a memory and filters are applied to each part.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.structures import lagged
 
 PAUSE = -1
-"""The first index of what is no stretch of samples, but what was known in between."""
+"""The `first_index` of a pause."""
 
 _ARRAYS = (
     "time_s",
@@ -36,7 +36,7 @@ _ARRAYS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """A stretch, or the pause before one: its rows, in the frame and in the stack; when its recording began."""
+    """A stretch, or the pause before it: rows in the stack, first index in the frame, start of its recording."""
 
     rows: slice
     interval_s: float
@@ -46,13 +46,13 @@ class Part:
 
     @property
     def is_pause(self) -> bool:
-        """Whether it is what was known in between."""
+        """Whether this part is a pause."""
         return self.first_index == PAUSE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stacked:
-    """All parts of a frame in their order, and which of the rows are samples; None where all are."""
+    """All parts of a frame in their order, and a mask of the rows that are samples; None if all are."""
 
     parts: tuple[Part, ...]
     samples: BoolArray | None
@@ -64,15 +64,15 @@ class Stacked:
 
     @property
     def is_one_recording(self) -> bool:
-        """Whether all stretches are of one recording."""
+        """Whether all stretches belong to one recording."""
         return len({part.origin_s for part in self.parts}) == 1
 
     def sampled(self, values: FloatArray) -> FloatArray:
-        """Values of the samples, shape (n,), out of those of all rows."""
+        """Return the values at the samples, shape (n,), from those of all rows."""
         return values if self.samples is None else values[self.samples]
 
     def each(self, signals: Signals, work: Callable[[Signals], Signals]) -> Signals:
-        """Work done on one part after another, each with the memory of the one before; a new recording begins anew."""
+        """Apply `work` to the parts in turn, each with the memory of the previous one; a new recording has none."""
         pairs: list[tuple[Signals, Signals]] = []
         memory: Mapping[str, FloatArray] = {}
         origin_s = np.nan
@@ -89,7 +89,7 @@ class Stacked:
         return replace(signals, **changed)
 
     def lagged(self, values: FloatArray, time_s: FloatArray, tau_s: float) -> FloatArray:
-        """The first-order lag of values of all rows (n,), through every pause and anew in each recording."""
+        """Return the first-order lag of the values of all rows (n,), through all pauses; each recording starts anew."""
         lagging, kept, origin_s = np.empty_like(values), None, np.nan
         for part in self.parts:
             rows = part.rows
@@ -100,7 +100,7 @@ class Stacked:
 
 
 def stacked(frame: Frame) -> tuple[Stacked, Signals]:
-    """The parts of a frame, and its signals before any effect."""
+    """Return the parts of a frame, and its signals before any effect."""
     parts: list[Part] = []
     time_s: list[FloatArray] = []
     begin = 0
@@ -129,14 +129,14 @@ def stacked(frame: Frame) -> tuple[Stacked, Signals]:
 
 def _signals(frame: Frame, stack: Stacked, time_s: FloatArray) -> Signals:
     def all_rows(values: FloatArray, of_pauses: Sequence[FloatArray] = ()) -> FloatArray:
-        """The samples' values with those of pauses between them: the table rests then."""
+        """Return the values of all rows; without `of_pauses`, those of the pauses are 0 (table at rest)."""
         if stack.samples is None:
             return values
-        whole = np.zeros(stack.samples.size)
-        whole[stack.samples] = values
+        stack_values = np.zeros(stack.samples.size)
+        stack_values[stack.samples] = values
         if of_pauses:
-            whole[~stack.samples] = np.concatenate(of_pauses)
-        return whole
+            stack_values[~stack.samples] = np.concatenate(of_pauses)
+        return stack_values
 
     pauses = [pause for pause in frame.pauses if pause is not None]
     angle, rate = all_rows(frame.angle_deg), all_rows(frame.rate_dps)

@@ -77,7 +77,7 @@ def next_by_hand(problem: Problem, findings: Sequence[Finding], unexplained: Une
         along = " and ".join(unexplained.coordinates) or "no single coordinate"
         how = "for longer" if along == "time" else "over a wider range of it where possible"
         return NextExperiment(
-            says=f"The unexplained part depends on {along}: record once more, {how}, {_TOGETHER}; what repeats belongs"
+            says=f"The unexplained part depends on {along}: record again, {how}, {_TOGETHER}; what repeats belongs"
             " to the bench."
         )
     return NOTHING_OPEN

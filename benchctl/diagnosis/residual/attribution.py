@@ -54,7 +54,7 @@ def named(
         if not rest.significant or owed_to_the_table(problem, math.sqrt(rest.power)):
             return chosen, NOTHING, noted
         if rest.power < _ROUNDED * rounding_v2:
-            return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the converter's steps.",)
+            return chosen, NOTHING, (f"{rest.says} It is small enough to be caused by the converter's steps.",)
         judged = rest if isinstance(problem, GyroProblem) else _beside_time(rest, chosen.after)
         less = {name: without(problem, chosen, *shared) for name, shared in _shared(chosen).items()}
         agreed = _agreed(problem, chosen)
@@ -77,7 +77,7 @@ def named(
         chosen = _as_uncertain(chosen, rest)
     all_gains = {name: _beside(rest, chosen.after, one) for name, one in less.items()} | noises
     if imperfect(all_gains, rest, instead):
-        return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the model of what was found.",)
+        return chosen, NOTHING, (f"{rest.says} It is small enough to be an error in the model of the findings.",)
     before = fit(problem, chosen.noise.plain, chosen.before.point, chosen.before.fitted)
     ceiling = residual_structure_of(problem, chosen.noise.plain, before, seed=seed)
     unexplained = Unexplained(
@@ -226,7 +226,7 @@ def without_the_tables_own(problem: Problem, chosen: Selection) -> tuple[Selecti
     return chosen, (
         f"The points also follow a {' and a '.join(dropped)}, by less than commanded rates may be wrong by:"
         f" {problem.rate_error_v:.2g} {problem.unit}, 0.1 % of the largest. That may be the table's own and is not"
-        " named; an encoder would tell.",
+        " named; an encoder would show which.",
     )
 
 

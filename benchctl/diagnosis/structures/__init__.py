@@ -1,1 +1,1 @@
-"""What is left and has no name: modelled by the simplest shape over a coordinate, and stated with its formula."""
+"""Models for unnamed dependences in the residual: the simplest shape over a coordinate, reported with its formula."""

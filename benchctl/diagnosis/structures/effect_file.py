@@ -1,4 +1,4 @@
-"""A structure that was found, written as an effect's file: for a person to give it a name and words."""
+"""Export of a structure as the Python source of an effect. The user then adds a name and a description."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.structures import structure_named
 
 WRITTEN = ("scale", "bias", "sampling")
-"""Stages of structures that can be written so; of the encoder and of the noise a model file tells."""
+"""Stages whose structures can be exported. Encoder and noise structures can only be written to a model file."""
 _ROOM = 3.0
-"""How far the bounds of a size or a width lie from what was found, as a factor."""
+"""Factor between the fitted value of a size or a width and its bounds."""
 
 
 def effect_source(identifier: str, found: StructureModel) -> str:
-    """Python source of an effect called `identifier` that does what was found, with bounds about it.
+    """Return the Python source of the effect `identifier` that reproduces a structure, with bounds around its values.
 
-    It keeps the contract of an effect (`benchctl_instruments.physics.effect_contract.check_effect`). Raises
-    `ValueError` where the identifier is no name, or what was found no structure.
+    The effect passes `benchctl_instruments.physics.effect_contract.check_effect`. Raises `ValueError` if `identifier`
+    is not a valid Python name or `found` is not a structure of one of the stages `WRITTEN`.
     """
     kind = structure_named(found.identifier)
     if kind is None or kind.acts_on not in WRITTEN or not identifier.isidentifier():
@@ -45,7 +45,7 @@ def effect_source(identifier: str, found: StructureModel) -> str:
 
 
 def _about(parameter: Parameter, value: float) -> dict[str, object]:
-    """Bounds, scan and the rest of a parameter, about a value."""
+    """Return the fields of a parameter (bounds, scan, role, …) around a value."""
     wide = _ROOM * max(abs(value), 1e-12)
     low, high = (value / _ROOM, value * _ROOM) if parameter.logarithmic else (-wide, wide)
     if parameter.role == "assumed":

@@ -1,8 +1,8 @@
-"""Heat of a chamber that has no name: what moves the temperature to which its air settles, through the lag of the air.
+"""Unnamed heat in a chamber: it shifts the temperature to which the air settles, through the lag of the air.
 
-A push is felt for as long as the air remembers it, and so what a function of a coordinate would gain is a sum over all
-pairs of its bins: each bin's push is simulated once. A structure competes like a name: with the disturbance that each
-model needs beside it, at the price of its numbers and of all places that were looked at (see `search.subsets`).
+The air responds to heat with a lag. The gain of a function of a coordinate is therefore a sum over all pairs of its
+bins; the response to each bin is simulated once. Structures are compared like named effects: each model includes the
+disturbance that it needs and pays for its parameters and for all places that were tried (see `search.subsets`).
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ from benchctl_instruments.physics.structures import Structure, freed, unmoved
 
 _BINS = 200
 _MOST, _ROUNDS = 2, 4
-"""So many structures at most, and so often one is looked for."""
+"""Maximum number of structures, and maximum number of search rounds."""
 _BETTER = 1.0
-"""In twice the log likelihood, beyond what is paid."""
+"""Minimum gain in twice the log likelihood, after the price is subtracted."""
 _REFINED, _FEW = 20, 12
-"""Of so many shapes beside each set the place is refined; so many of all are fitted."""
+"""Number of shapes per set of effects whose places are refined, and total number of models that are fitted."""
 _SIZED, _FITTED = 4, 30
 _HALF = 0.5
-"""What a structure in the place of a name may leave of what that leaves, in amplitude."""
+"""Maximum residual of a structure that replaces a named effect, relative to that of the effect, in amplitude."""
 _TIE = 10.0
-"""Models whose scores differ by less explain the recording alike."""
+"""Models whose scores differ by less explain the recording equally well."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Begun:
-    """A structure beside a fit, what all structures pay then, and the score that is promised."""
+    """A structure to be added to a fit, the price of all its structures, and the expected score."""
 
     base: Fit
     structure: Structure
@@ -57,7 +57,7 @@ class _Begun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Candidate:
-    """A model whose last structure is new: what its structures pay, and its score with that."""
+    """A model whose last structure is new: the price of its structures, and its score including this price."""
 
     fit: Fit
     paid: float
@@ -65,21 +65,21 @@ class _Candidate:
 
     @property
     def takes(self) -> tuple[int, bool]:
-        """How many numbers it takes, and whether its last structure is a function of time."""
+        """The number of parameters, and whether the last structure is a function of time."""
         return sum(len(one.parameters) for one in self.fit.point.effects), self.structures[-1].over == "time"
 
     @property
     def structures(self) -> tuple[Structure, ...]:
-        """Those that have no name."""
+        """The structures of the model."""
         return _structures(self.fit)
 
 
 def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, seed: int) -> Modelled | None:
-    """The selection with heat without a name, and the names that are found beside it; None where none earns its price.
+    """Return the selection with structures of unnamed heat and the effects found with them; None if none pays off.
 
-    Names that were found first may stand for a structure, and a structure for names: so one is looked for beside each
-    set of the names, in the place of all structures or beside them, and then all names anew beside these. `left` says
-    whether the names leave anything unexplained.
+    An effect found first may take the place of a structure, and a structure that of effects. A structure is therefore
+    searched together with each subset of the effects, either replacing or extending the structures found so far; then
+    all effects are searched again with these structures. `left` is True if the named effects leave a residual.
     """
     named, score, paid = chosen, _score(problem, chosen.after), 0.0
     structures: tuple[Structure, ...] = ()
@@ -88,7 +88,7 @@ def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, see
         candidates = _candidates(problem, chosen, (), 0.0)
         if 0 < len(structures) < _MOST:
             candidates += _candidates(problem, chosen, structures, paid)
-        least = _TIE if structures else _BETTER  # what ties is no better
+        least = _TIE if structures else _BETTER  # a tie is not an improvement
         candidates = [one for one in candidates if one.score < score - least]
         best = _simplest(candidates, score)
         if best is None:
@@ -120,11 +120,12 @@ def _names(fitted: Fit) -> tuple[DescribedEffect, ...]:
 
 
 def _may_be(problem: ChamberProblem, named: Selection, model: Selection, left: bool) -> bool:
-    """Whether a model with structures may take the place of names alone: a real disturbance is never quite as taken.
+    """Return whether a model with structures may replace the named effects.
 
-    Functions of time and of the air follow it, and names with it. So what is found is fewer than the names were; or one
-    stands for one of them, beside all others, and leaves half on steps that were held out; or it comes beside all
-    names, which leave something.
+    A real disturbance never matches its model exactly, and functions of time or of the air temperature can follow it,
+    together with named effects. A model with structures is therefore accepted only if it has fewer effects than before;
+    or if one structure replaces one effect and halves the residual amplitude on held-out steps; or if it keeps all
+    named effects and these leave a residual.
     """
     before, after = ({one.identifier for one in _names(it.after)} for it in (named, model))
     found = len(_structures(model.after))
@@ -136,29 +137,30 @@ def _may_be(problem: ChamberProblem, named: Selection, model: Selection, left: b
 
 
 def _missed(problem: ChamberProblem, chosen: Selection) -> float:
-    """The sum of squares [K²] of what a model misses on the steps that were held out, or on all."""
+    """Return the sum of squared residuals [K²] on the held-out steps, or on all steps if none are held out."""
     steps = chosen.heldout if chosen.heldout.any() else ~chosen.heldout
     missed = chosen.after.residual[steps[problem.step] & problem.usable]
     return float(missed @ missed)
 
 
 def _with_these(problem: ChamberProblem, chosen: Selection, fitted: Fit) -> Selection:
-    """The selection with the structures and the names of a fit."""
-    whole = fitted
+    """Return the selection with the structures and the named effects of a fit."""
+    full = fitted
     if chosen.heldout.any():
-        whole = fit(problem, fitted.whitener, fitted, np.ones_like(fitted.fitted), rounds=_FITTED)
+        full = fit(problem, fitted.whitener, fitted, np.ones_like(fitted.fitted), rounds=_FITTED)
     effects = fitted.point.effects
     evidence = {
         key: evidence_beside(problem, fitted, effect, chosen.heldout)
         for key, effect in zip(keys_of(effects), effects, strict=True)
     }
-    return replace(chosen, after=fitted, whole=with_disturbance(problem, whole), evidence=evidence)
+    return replace(chosen, after=fitted, whole=with_disturbance(problem, full), evidence=evidence)
 
 
 def _with_names(problem: ChamberProblem, structures: tuple[Structure, ...], seed: int) -> Selection:
-    """Structures with the names that show beside them.
+    """Return a selection of these structures and of the named effects found with them.
 
-    Their places are held meanwhile: beside too few names they would follow what these explain.
+    The places of the structures are fixed during the search: with too few effects in the model, the structures would
+    follow what the missing effects explain.
     """
     held = tuple(unmoved(one, ("shape",)) for one in structures)
     chosen = select_subset(problem, seed=seed, progress=lambda _name, _share: None, beside=held)
@@ -167,23 +169,23 @@ def _with_names(problem: ChamberProblem, structures: tuple[Structure, ...], seed
         free = tuple(freed(effect) if isinstance(effect, Structure) else effect for effect in one.point.effects)
         return fit(problem, one.whitener, replace(one.point, effects=free), one.fitted, rounds=_FITTED)
 
-    whole = with_disturbance(problem, with_all_free(chosen.whole))
-    return replace(chosen, after=with_all_free(chosen.after), whole=whole)
+    full = with_disturbance(problem, with_all_free(chosen.whole))
+    return replace(chosen, after=with_all_free(chosen.after), whole=full)
 
 
 def left_beside(problem: ChamberProblem, fitted: Fit) -> ResidualStructure:
-    """What a fit leaves beside the disturbance that it needs."""
+    """Return the residual structure of a fit, with the disturbance that the fit needs in the noise model."""
     white = beside_disturbance(problem, fitted)
     return residual_structure_beside(problem, white.whitener, white)
 
 
 def _score(problem: ChamberProblem, fitted: Fit) -> float:
-    """Minus twice the log likelihood of a model beside its disturbance, and what its names pay."""
+    """Return minus twice the log likelihood of a model with its disturbance, plus the price of its named effects."""
     return deviance_near(problem, fitted) + sum(price_of(problem, one) for one in _names(fitted))
 
 
 def _simplest(candidates: list[_Candidate], score: float) -> _Candidate | None:
-    """Of those that explain nearly as much as the best the simplest."""
+    """Return the simplest of the candidates that explain nearly as much as the best one; None if there are none."""
     best = min(candidates, key=lambda one: one.score, default=None)
     if best is None:
         return None
@@ -193,7 +195,7 @@ def _simplest(candidates: list[_Candidate], score: float) -> _Candidate | None:
 
 
 def _tied(best: _Candidate, candidates: list[_Candidate]) -> tuple[str, ...]:
-    """Other coordinates over which the last structure would do as well."""
+    """Return the other coordinates over which the last structure would explain as much."""
     words = dict.fromkeys(one.structures[-1].word for one in candidates if one.score < best.score + _TIE)
     return tuple(word for word in words if word != best.structures[-1].word)
 
@@ -201,9 +203,9 @@ def _tied(best: _Candidate, candidates: list[_Candidate]) -> tuple[str, ...]:
 def _candidates(
     problem: ChamberProblem, chosen: Selection, known: tuple[Structure, ...], paid: float
 ) -> list[_Candidate]:
-    """Models with one structure beside those that are `known`, and beside each set of the names of a selection.
+    """Return models with one structure added to the `known` ones and to each subset of the named effects.
 
-    Of all that the scans promise only the best are fitted.
+    Only the candidates with the best expected scores of all scans are fitted.
     """
     names = _names(chosen.after)
     sets = itertools.chain.from_iterable(itertools.combinations(names, size) for size in range(len(names) + 1))
@@ -234,9 +236,9 @@ def _candidates(
 
 
 def _fitted(problem: ChamberProblem, begun: _Begun) -> _Candidate | None:
-    """The model with a structure, its sizes fitted first, without names that may be nothing or stand at a bound then.
+    """Fit the model with a structure, its sizes first, without effects that are then not significant or at a bound.
 
-    None where a structure does.
+    Return None if this applies to a structure.
     """
     base, added = begun.base, begun.structure
     there = replace(base.point, effects=(*base.point.effects, unmoved(added, ("shape",))))
@@ -253,13 +255,13 @@ def _fitted(problem: ChamberProblem, begun: _Begun) -> _Candidate | None:
 
 
 def _needless(problem: ChamberProblem, fitted: Fit) -> set[int]:
-    """The places of effects that stand at a bound; where none does, of those that may be nothing."""
+    """Return the indices of the effects at a bound or, if there are none, of those that are not significant."""
     at_bounds = {place for place, one in enumerate(fitted.point.effects) if stuck(one)}
     return at_bounds or may_be_nothing(problem, with_disturbance(problem, fitted))
 
 
 def _along(problem: ChamberProblem, base: Fit) -> Iterator[Along]:
-    """By coordinate the pull of what a fit leaves beside its disturbance, less what its own numbers can follow."""
+    """Yield the residual's gradient sums per coordinate, without what the fit's own parameters can follow."""
     white = beside_disturbance(problem, base)
     rows = base.fitted[problem.step] & (white.whitener.weight > 0.0)
     derivatives = white.derivatives * rows[:, None]
@@ -288,7 +290,7 @@ def _along(problem: ChamberProblem, base: Fit) -> Iterator[Along]:
 
 
 def _coordinates(problem: ChamberProblem, base: Fit) -> Mapping[str, FloatArray]:
-    """What heat may be a function of, at the samples (n,): of the air that of the model."""
+    """Return the coordinates of heat at the samples, shape (n,); the air temperature is that of the model."""
     values = {
         "time": problem.rows.clock_s,
         "chamber_temp": problem.air_c(base.point.baseline, base.point.effects),

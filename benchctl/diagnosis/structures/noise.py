@@ -1,8 +1,8 @@
-"""Noise that is not of one size: its deviation as a function of a coordinate, in the simplest shape.
+"""Noise whose standard deviation depends on a coordinate, modelled by the simplest shape.
 
-It is seen in differences of neighbouring rows, which hold nothing of what a model has left out; each row belongs to one
-difference, so that these are independent. Their squares are summed over bins of the coordinate once: what any function
-would gain in likelihood is a sum over bins.
+The noise is estimated from differences of neighbouring rows, which are not affected by slow model errors. Each row
+belongs to one difference only, so the differences are independent. Their squares are summed once over bins of the
+coordinate; the gain in likelihood of any function is then a sum over bins.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ _FEWEST = 2000
 _COORDINATES = ("gyro_temp", "time", "gyro_temp_rate", "setpoint", "angle")
 _SIZES = np.geomspace(0.02, 8.0, 14)
 _LEAST = 0.04
-"""Share of the noise by which it must differ: less is the rounding of a converter or the encoder's noise."""
+"""Minimum relative change of the noise: smaller changes come from converter rounding or from encoder noise."""
 _SHORTEST = 0.1
-"""Of a plateau, as a share of the range: a shorter one is what one step does by itself."""
+"""Minimum length of a plateau relative to the range: a shorter one may be the noise of a single step."""
 _CHANCE_GAIN = 30.0
 _NORMAL_KURTOSIS = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseFound:
-    """Noise as a structure: its numbers with intervals, and the share of the noise's power that it explains."""
+    """A structure of the noise: its parameters with intervals, and the share of the noise power that it explains."""
 
     structure: Structure
     estimates: Mapping[str, Estimate]
@@ -48,21 +48,21 @@ class NoiseFound:
 
 @dataclass(frozen=True, kw_only=True)
 class _Binned:
-    """Sums of squares (b,) of differences over bins of a coordinate with these middles, and how many there are."""
+    """Bin centres of a coordinate, sums of squared differences and numbers of differences per bin; (b,) each."""
 
     middle: FloatArray
     squares: FloatArray
     count: FloatArray
 
     def deviance(self, factor: FloatArray) -> FloatArray:
-        """Minus twice the log likelihood of noise that is so many times as large in each bin, (…, b)."""
+        """Return minus twice the log likelihood of noise scaled by `factor` in each bin, shape (…, b)."""
         power = factor**2
         total = float(self.count.sum())
         level = np.sum(self.squares / power, axis=-1) / total
         return np.asarray(np.sum(self.count * np.log(power), axis=-1) + total * np.log(np.maximum(level, 1e-300)))
 
     def gain(self, effect: Structure) -> float:
-        """By how much twice the log likelihood is larger with a structure."""
+        """Return the increase of twice the log likelihood by a structure."""
         factor = 1.0 + effect.value_at(self.middle)
         if (factor <= 0.0).any():
             return -math.inf
@@ -70,7 +70,7 @@ class _Binned:
 
 
 def noise_structure(problem: GyroProblem, chosen: Selection) -> NoiseFound | None:
-    """The shape over a coordinate that the noise demands; None where it is of one size, or goes with the rate only."""
+    """Return the structure of the noise; None if the noise is constant or depends only on the rate."""
     if problem.band is not None:
         return None
     first, half, odd = _differences(problem, chosen)
@@ -113,9 +113,9 @@ def noise_structure(problem: GyroProblem, chosen: Selection) -> NoiseFound | Non
 
 
 def with_noise(problem: GyroProblem, chosen: Selection, found: NoiseFound) -> Selection:
-    """The selection with rows weighed by the noise that was found, all refitted.
+    """Return the selection refitted with rows weighted by the noise structure.
 
-    Noise that grows with the rate stays where it still shows beside that.
+    Rate-dependent noise stays in the noise model if it is still significant in addition to the structure.
     """
     relative = 1.0 + found.structure.value_at(coordinates_of(problem, chosen.after)[found.structure.over])
     more = relative**2 - 1.0
@@ -130,17 +130,18 @@ def with_noise(problem: GyroProblem, chosen: Selection, found: NoiseFound) -> Se
     noise = replace(noise, whitener=whitener, plain=plain)
 
     before = fit(problem, plain, chosen.before.point, chosen.before.fitted)
-    after, whole = (fit(problem, whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
+    after, full = (fit(problem, whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
     named = None if chosen.named is None else fit(problem, whitener, chosen.named.point, chosen.named.fitted)
     return replace(
-        chosen, noise=noise, before=before.light, after=after, whole=whole, named=named, noise_structure=found.structure
+        chosen, noise=noise, before=before.light, after=after, whole=full, named=named, noise_structure=found.structure
     )
 
 
 def _differences(problem: GyroProblem, chosen: Selection) -> tuple[IntArray, FloatArray, float]:
-    """First rows of independent pairs of neighbours, half their squared differences over what else adds to them, (m,).
+    """Return the first rows of independent neighbouring pairs and half their squared differences, shape (m,) each.
 
-    Last, by how much their logarithms scatter more than those of normal noise.
+    The squares are divided by the known relative increase of their variance. The third value is the excess scatter of
+    the squares relative to normal noise, at least 1.
     """
     weight = chosen.noise.plain.weight
     counted = weight > 0.0
@@ -165,12 +166,12 @@ def _binned(values: FloatArray, half: FloatArray, span: Span) -> _Binned:
     edges = np.linspace(*span, _BINS + 1)
     bins = bin_of(np.clip(values, *span), edges)
     squares, count = (np.bincount(bins, one, minlength=_BINS).astype(np.float64) for one in (half, np.ones_like(half)))
-    seen = count > 0.0
-    return _Binned(middle=(0.5 * (edges[:-1] + edges[1:]))[seen], squares=squares[seen], count=count[seen])
+    filled = count > 0.0
+    return _Binned(middle=(0.5 * (edges[:-1] + edges[1:]))[filled], squares=squares[filled], count=count[filled])
 
 
 def _grids(over: str, span: Span) -> Iterator[tuple[str, list[dict[str, float]]]]:
-    """Shapes in which noise grows, and their places."""
+    """Yield shapes for the growth of noise, with their places."""
     if OVER[over].ways is not None:
         for shape in ("negative", "positive", "either"):
             yield shape, [{}]
@@ -189,30 +190,30 @@ def _grids(over: str, span: Span) -> Iterator[tuple[str, list[dict[str, float]]]
 
 
 def _unit_of(shape: str) -> tuple[str, float]:
-    """The size of a shape, and the sign in which it makes more noise."""
+    """Return the name of a shape's size, and the sign that increases the noise."""
     return {"kink": ("above", 1.0), "kink_below": ("below", -1.0)}.get(shape, ("change", 1.0))
 
 
 def _best_of(
     binned: _Binned, over: str, shape: str, grid: Sequence[Mapping[str, float]], span: Span
 ) -> Structure | None:
-    """The best of some places of a shape, with the best of some sizes."""
+    """Return the structure with the best place and the best size on a grid; None if no place covers any data."""
     kind = structure("noise", over, shape, span)
     name, sign = _unit_of(shape)
     columns = np.array([kind.make({**place, name: sign}).value_at(binned.middle) for place in grid])
     largest = columns.max(axis=1)
-    seen = largest > 0.0
-    if not seen.any():
+    active = largest > 0.0
+    if not active.any():
         return None
-    columns = columns[seen] / largest[seen, None]
+    columns = columns[active] / largest[active, None]
     deviance = binned.deviance(1.0 + columns[:, None, :] * _SIZES[None, :, None])
     place, size = np.unravel_index(int(np.argmin(deviance)), deviance.shape)
-    kept = [one for one, is_seen in zip(grid, seen.tolist(), strict=True) if is_seen]
-    return kind.make({**kept[int(place)], name: sign * float(_SIZES[int(size)] / largest[seen][int(place)])})
+    kept = [one for one, is_active in zip(grid, active.tolist(), strict=True) if is_active]
+    return kind.make({**kept[int(place)], name: sign * float(_SIZES[int(size)] / largest[active][int(place)])})
 
 
 def _refined(binned: _Binned, begun: Structure) -> Structure | None:
-    """The structure with the likeliest numbers near where it begins; None where one stands at a bound."""
+    """Return the structure with the parameters maximising the likelihood near the start, within the bounds."""
     names = list(begun.parameters)
     unit = np.array([_scale(begun, name) for name in names])
 
@@ -234,7 +235,7 @@ def _refined(binned: _Binned, begun: Structure) -> Structure | None:
 
 
 def _scale(effect: Structure, name: str) -> float:
-    """How far a number is moved at first: sizes and lengths by their own size, places by a share of the range."""
+    """Return the initial step of a parameter: its own value for sizes and lengths, a share of the range for places."""
     parameter = effect.parameters[name]
     if parameter.logarithmic or parameter.role == "size":
         return max(abs(effect.values[name]), 1e-12)
@@ -244,7 +245,7 @@ def _scale(effect: Structure, name: str) -> float:
 def _everywhere(
     problem: GyroProblem, values: FloatArray, half: FloatArray, first: IntArray, span: Span, effect: Structure
 ) -> bool:
-    """Whether noise changes so at rest and in motion, and in every other step: where there is enough of each."""
+    """Return whether the structure holds at rest, in motion, in odd and in even steps, if they have enough rows."""
     rate = np.abs(problem.coordinates["rate"][first])
     resting = rate < 0.01 * problem.range_dps
     odd = problem.step[first] % 2 == 1
@@ -258,7 +259,7 @@ def _everywhere(
 
 
 def _estimates(binned: _Binned, effect: Structure, odd: float) -> dict[str, Estimate]:
-    """Every number with its interval, from the curvature of the likelihood."""
+    """Return the parameters with their intervals, from the curvature of the likelihood."""
     names = list(effect.parameters)
     nudges = np.array([0.05 * _scale(effect, name) for name in names])
     place = np.array([effect.values[name] for name in names])

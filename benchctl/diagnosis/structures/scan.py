@@ -1,8 +1,8 @@
-"""Where the search for a structure begins: all places of all shapes over all coordinates, by the residual's pull.
+"""Starting points of the search for structures: a scan of all places of all shapes over all coordinates.
 
-A structure is a function of one coordinate, times a factor of its stage: the volts of the rate for the scale factor,
-the acceleration for a delay. So the pull of the residual is summed over narrow bins of the coordinate once, and what
-any function would gain is a product of sums.
+A structure is a function of one coordinate, times a factor of its stage: the volts due to the rate for the scale
+factor, the acceleration for a delay. The pull of the residual (its gradient) is therefore summed once over narrow bins
+of the coordinate; the expected gain of any function then follows from products of these sums.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from benchctl_instruments.physics.structure_shapes import SHAPES
 from benchctl_instruments.physics.structures import Structure, lagged, structure
 
 Structurable = GyroProblem | DriveProblem
-"""Parts of the bench in which structures are looked for."""
+"""Problems of the parts of the bench in which structures are searched."""
 _BINS = 1000
 _EDGES, _STEPS = 60, 160
 _APART = 1e-3
-"""Share of the power of two steps that must not be common."""
+"""Minimum share of the power of two steps that they do not have in common."""
 _UNSEEN, _RARE = 1e-7, 1e-9
-"""Shares of its own power, and of that at its largest everywhere, that a shape must have beside what was fitted."""
+"""Minimum power of a shape after projection on the fit, relative to its total and to its largest possible power."""
 _STEP_WIDTHS = (0.003, 0.03, 0.1)
 _BUMPS = (0.004, 0.01, 0.025, 0.06, 0.15)
 _PERIODS = np.geomspace(0.02, 2.0, 110)
@@ -76,9 +76,10 @@ _ALIKE: Mapping[tuple[StructureStage, str], tuple[str, ...]] = {
     ("heat", "chamber_temp"): ("line", "bend", *_CURVES),
     ("heat", "heater"): ("line", "parabola", "bend", *_CURVES),
 }
-"""Shapes that are nothing new: a baseline has slopes there, with which a bend is a kink; or a name is what they are.
+"""Shapes that are not tried over a coordinate.
 
-A curve follows a disturbance.
+The baseline has slopes there, with which a bend equals a kink, or a named effect has this shape. A spline would follow
+a disturbance.
 """
 _REMEMBERED = ("abs_rate", "rate", "rate_sign", "gyro_temp", "gyro_temp_rate", "setpoint")
 _BACKLASHES = np.geomspace(0.005, 0.4, 14)
@@ -93,30 +94,30 @@ _PRODUCTS: tuple[_Place, ...] = tuple(
     for over in ("gyro_temp", "angle", "time")
     for times in factors
 )
-"""Two coordinates together: a function of the first in proportion to the second, which has a zero of its own."""
+"""Pairs of coordinates: a function of the first, in proportion to the second, which has a natural zero."""
 _CLEARLY_MORE = 1.1
-"""A function of two coordinates must promise so many times what the best function of one does."""
+"""Minimum expected gain of a function of two coordinates, as a multiple of the best function of one."""
 _OF_STAGE: Mapping[StructureStage, tuple[str, ...]] = {
     "scale": ("gyro_temp", "gyro_temp_rate", "time", "angle", "chamber_temp", "setpoint", "abs_rate", "last_sign"),
     "bias": tuple(OVER),
     "sampling": ("gyro_temp", "gyro_temp_rate", "time", "abs_rate"),
     "torque": ("time", "angle", "rate", "abs_rate", "rate_sign", "acceleration"),
 }
-"""Over which coordinates structures of a stage are looked for."""
+"""Coordinates over which structures of a stage are searched."""
 _MOVED, _NUDGED = 2.0, 0.2
-"""A place is refined in steps of a twentieth of these at first: of its logarithm, of the range."""
+"""The refinement of a place starts with a twentieth of these: of its logarithm, and of the range."""
 _MOST_JUMPS = 6
 _LEAST_JUMP = 60.0
 _STANDS_OUT, _NOISY = 4.0, 4.0
-"""A jump gains so many times what the largest place does that is none, and leaves at most so many times the noise."""
+"""Minimum gain relative to the next best place, and maximum residual power relative to the noise, of a jump."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Begun:
-    """The best place of a shape: the structure there, what it promises to gain, and out of how many places it is.
+    """The best place of a shape: the structure there, its expected gain, and the number of places tried.
 
-    `along` are the sums over its coordinate; None of what is no function of the present alone. `share` of their rows
-    are in the steps that count.
+    `along` holds the sums over its coordinate; None if the structure has a memory. `share` is the fraction of their
+    rows in the fitted steps.
     """
 
     effect: Structure
@@ -127,27 +128,27 @@ class Begun:
 
     @property
     def promise(self) -> float:
-        """What it promises to gain in the steps that count."""
+        """The expected gain in the fitted steps."""
         return self.share * self.gain
 
     def refined(self) -> Begun:
-        """The best place near it, between those that were looked at."""
+        """Refine the place between the scanned ones."""
         return self if self.along is None else self.along.refined(self)
 
 
 def begun_everywhere(problem: Structurable, pull: Pull, in_time: Pull) -> list[Begun]:
-    """The best place of each shape at each stage over each coordinate; of those that promise anything.
+    """Return the best place of each shape at each stage over each coordinate, if it has an expected gain.
 
-    `in_time` is the pull of all steps: what happens at an instant can be seen in the step of that instant alone.
+    `in_time` is the pull of all steps: an event at an instant is visible only in the step of that instant.
     """
-    seen = {over_time: _seen(problem, one) for over_time, one in ((False, pull), (True, in_time))}
-    stages = seen[False][2].keys()
+    scanned = {over_time: _seen(problem, one) for over_time, one in ((False, pull), (True, in_time))}
+    stages = scanned[False][2].keys()
     places = [(stage, over, "") for stage in stages for over in _OF_STAGE.get(stage, ())]
     band = problem.band if isinstance(problem, GyroProblem) else None
 
     def begun(places: Sequence[_Place]) -> list[Begun]:
         over = places[0][1]
-        pulling, known, factors, coordinates = seen[over == "time"]
+        pulling, known, factors, coordinates = scanned[over == "time"]
         share = pull.fitted.rows / pulling.fitted.rows
         factored = {
             place: factors[place[0]] * coordinates[place[2]] if place[2] else factors[place[0]] for place in places
@@ -158,7 +159,7 @@ def begun_everywhere(problem: Structurable, pull: Pull, in_time: Pull) -> list[B
     known = [
         one
         for one in (*places, *(place for place in _PRODUCTS if place[0] in stages))
-        if {*one[1:]} - {""} <= seen[False][-1].keys()
+        if {*one[1:]} - {""} <= scanned[False][-1].keys()
         and (band is None or not structure(one[0], one[1], "line", times=one[2]).momentary)
     ]
     of_each = [[one for one in known if one[1] == over] for over in dict.fromkeys(one[1] for one in known)]
@@ -170,9 +171,9 @@ def begun_everywhere(problem: Structurable, pull: Pull, in_time: Pull) -> list[B
 def _seen(
     problem: Structurable, pull: Pull
 ) -> tuple[Pull, list[FloatArray], Mapping[StructureStage, FloatArray], Mapping[str, FloatArray]]:
-    """The pull of what a fit leaves, that of its derivatives, the factors of the stages, and the coordinates.
+    """Return the pull of a fit's residual, that of its derivatives, the factors of the stages, and the coordinates.
 
-    Of the residual that part is taken off which the fit's own numbers could still follow, had it come to its end.
+    The part of the residual that the fit's own parameters would still remove at full convergence is subtracted.
     """
     fitted = pull.fitted
     known = [pull.of_known(i) for i in range(len(fitted.numbers))]
@@ -183,9 +184,10 @@ def _seen(
 
 
 def coordinates_of(problem: Structurable, fitted: Fit) -> dict[str, FloatArray]:
-    """Every coordinate that varies in a recording, as structures know it; arrays of shape (n,).
+    """Return every coordinate that varies in a recording, as structures use it; arrays of shape (n,).
 
-    The output is the one that a fit predicts: a function of the measured one follows any residual, being made of it.
+    `output` is the predicted output: the measured output contains the residual, so a function of it would follow any
+    residual.
     """
     values = {name: one for name, one in problem.coordinates.items() if name in OVER} | {"output": fitted.predicted}
     values["time"] = clock_s(problem)
@@ -199,7 +201,7 @@ def coordinates_of(problem: Structurable, fitted: Fit) -> dict[str, FloatArray]:
 
 
 def factors_of(problem: Structurable, fitted: Fit) -> Mapping[StructureStage, FloatArray]:
-    """What a stage multiplies its function with, in what is measured; arrays of shape (n,)."""
+    """Return the factor of each stage from its function to the measured quantity; arrays of shape (n,)."""
     if isinstance(problem, DriveProblem):
         return {"torque": np.ones_like(fitted.predicted)}
     K0, U0 = fitted.point.baseline[:2].tolist()
@@ -217,7 +219,7 @@ def _places_along(
     factors: Mapping[_Place, FloatArray],
     values: FloatArray,
 ) -> Iterator[Begun]:
-    """The best place of each shape over a coordinate, at each place with the factor of what acts there."""
+    """Yield the best place of each shape over a coordinate, for each stage with its factor."""
     rows = pull.rows
     span = float(values[rows].min()), float(values[rows].max())
     if not span[0] < span[1]:
@@ -229,7 +231,7 @@ def _places_along(
 
 
 def everywhere(alongs: Sequence[Along]) -> Iterator[Begun]:
-    """The best place of each shape, for each of several sums over the same bins of one coordinate."""
+    """Yield the best place of each shape, for each of several sums over the same bins of one coordinate."""
     over, span = alongs[0].place[1], alongs[0].span
     if OVER[over].ways is not None:
         shapes: tuple[str, ...] = _SIGNS
@@ -249,7 +251,7 @@ def everywhere(alongs: Sequence[Along]) -> Iterator[Begun]:
 
 
 def _best(shape: str, places: Sequence[Mapping[str, float]], alongs: Sequence[Along]) -> Iterator[Begun]:
-    """The best of some places of a shape for each of several sums over the same bins, where it promises anything."""
+    """Yield the best of some places of a shape for each of several sums over the same bins, if its gain is positive."""
     if not places or not alongs:
         return
     kinds = [one.kind(shape) for one in alongs]
@@ -269,13 +271,13 @@ def _best(shape: str, places: Sequence[Mapping[str, float]], alongs: Sequence[Al
 
 @dataclass(frozen=True)
 class _Columns:
-    """Functions of a coordinate in its bins: at m places k each, whose sizes are one; shape (m, k, b)."""
+    """Functions of a coordinate in its b bins: k functions of size one at each of m places; shape (m, k, b)."""
 
     values: FloatArray
 
     @cached_property
     def squares(self) -> FloatArray:
-        """Their squares, of one function a place; shape (m, b)."""
+        """The squares, for one function per place; shape (m, b)."""
         return np.asarray(self.values[:, 0] ** 2)
 
     @cached_property
@@ -286,10 +288,10 @@ class _Columns:
 
 @dataclass(frozen=True, kw_only=True)
 class Along:
-    """The pull of a residual summed over bins of a coordinate, whose middles are `middle` (b,).
+    """The pull of a residual summed over bins of a coordinate with centres `middle` (b,).
 
-    `pull` and `information` (b,) are sums of the rows' own, `known` (b, p) of the pull of the fit's derivatives. What a
-    bin brings about in many rows has an `information` (b, b).
+    `pull` and `information` (b,) are sums over the rows of a bin, `known` (b, p) those of the pull of the fit's
+    derivatives. If a bin acts on many rows, `information` has the shape (b, b).
     """
 
     middle: FloatArray
@@ -304,7 +306,7 @@ class Along:
     def of(
         cls, pull: Pull, known: list[FloatArray], values: FloatArray, factor: FloatArray, span: Span, place: _Place
     ) -> Along:
-        """Of a function of a coordinate's `values` that acts on each row by itself, times a `factor`; (n,) each."""
+        """Return the sums for a function of a coordinate's `values`, times `factor` in the same row; (n,) each."""
         edges = np.linspace(*span, _BINS + 1) if OVER[place[1]].ways is None else _BETWEEN_WAYS
         bins = bin_of(np.clip(values, *span), edges)
 
@@ -322,12 +324,12 @@ class Along:
         )
 
     def kind(self, shape: str) -> type[Structure]:
-        """The structure of a shape here."""
+        """Return the structure class of a shape at this stage and coordinate."""
         stage, over, times = self.place
         return structure(stage, over, shape, self.span, times)
 
     def refined(self, begun: Begun) -> Begun:
-        """The same shape at the place that promises most near where it begins."""
+        """Return the same shape at the place of the largest expected gain near its start."""
         kind, started = type(begun.effect), begun.effect.values
         shaped = {name: one for name, one in kind.parameters.items() if one.role == "shape"}
         sizes = tuple(SHAPES[kind.shape].sizes)
@@ -339,7 +341,7 @@ class Along:
         def there(moves: FloatArray) -> dict[str, float]:
             values = {}
             for (name, one), move in zip(shaped.items(), moves.tolist(), strict=True):
-                by = move - 1.0  # which a search begins by 0.05
+                by = move - 1.0  # the first step of the search is 0.05
                 was = started[name]
                 value = was * math.exp(min(_MOVED * by, 9.0)) if one.logarithmic else was + _NUDGED * wide * by
                 values[name] = min(max(value, one.low), one.high)
@@ -365,7 +367,7 @@ class Along:
         return replace(begun, effect=kind.make(values), gain=gain)
 
     def gains(self, functions: _Columns) -> tuple[FloatArray, FloatArray]:
-        """What functions of the coordinate promise together at each place (m,), and how much of each is best (m, k)."""
+        """Return the expected gain of the functions at each place, shape (m,), and their best sizes, shape (m, k)."""
         columns = functions.values
         known = columns @ self.known
         if self.information.ndim > 1:
@@ -378,16 +380,16 @@ class Along:
         score = columns @ self.pull
         diagonal = np.einsum("mkk->mk", own)
         least = _RARE * functions.largest * float(self.information.sum())
-        seen = (diagonal > np.maximum(_UNSEEN * np.einsum("mkk->mk", power), least[:, None])).all(axis=1)
+        distinct = (diagonal > np.maximum(_UNSEEN * np.einsum("mkk->mk", power), least[:, None])).all(axis=1)
         weights = np.zeros(score.shape)
-        for place in np.flatnonzero(seen).tolist() if columns.shape[1] > 1 else ():
+        for place in np.flatnonzero(distinct).tolist() if columns.shape[1] > 1 else ():
             weights[place] = inverse(own[place]) @ score[place]
         if columns.shape[1] == 1:
-            weights[seen, 0] = score[seen, 0] / own[seen, 0, 0]
+            weights[distinct, 0] = score[distinct, 0] / own[distinct, 0, 0]
         return np.einsum("mk,mk->m", weights, score), weights
 
     def two_steps(self) -> Iterator[Begun]:
-        """The two places at which steps explain most together."""
+        """Yield the pair of places at which two steps together explain most."""
         low, wide = self.span[0], self.span[1] - self.span[0]
         ats = low + wide * np.linspace(0.0, 1.0, _STEPS + 2)[1:-1]
         steps = (self.middle > ats[:, None]).astype(np.float64)
@@ -396,11 +398,11 @@ class Along:
         own = weighed @ steps.T - known @ self.covariance @ known.T
         alone = np.diag(own)
         left = np.outer(alone, alone) - own**2
-        seen = left > _APART * np.outer(alone, alone)
-        seen &= np.triu(np.ones_like(seen), 1) > 0.0
-        seen &= np.minimum.outer(alone, alone) > _RARE * float(self.information.sum())
+        separable = left > _APART * np.outer(alone, alone)
+        separable &= np.triu(np.ones_like(separable), 1) > 0.0
+        separable &= np.minimum.outer(alone, alone) > _RARE * float(self.information.sum())
         gain = np.outer(score**2, alone) + np.outer(alone, score**2) - 2.0 * np.outer(score, score) * own
-        gain = np.divide(gain, left, out=np.zeros_like(gain), where=seen)
+        gain = np.divide(gain, left, out=np.zeros_like(gain), where=separable)
         first, then = np.unravel_index(int(np.argmax(gain)), gain.shape)
         if gain[first, then] > 0.0:
             both = [int(first), int(then)]
@@ -412,7 +414,7 @@ class Along:
             yield Begun(effect=kind.make(values), gain=found, places=_STEPS**2 // 2, along=self)
 
     def bursts(self) -> Iterator[Begun]:
-        """Bursts of one length that come again and again: of each period its bins are folded."""
+        """Yield periodic bursts of equal length, found by folding the bins with each period."""
         wide = self.span[1] - self.span[0]
         often = np.linspace(_FEWEST_BURSTS / wide, _BINS / (20.0 * wide), _BURST_PERIODS)
         best = max((self._folded(1.0 / one) for one in often.tolist()), key=lambda one: one[0])
@@ -426,17 +428,17 @@ class Along:
             yield Begun(effect=effect, gain=float(gain[0]), places=_BURST_PERIODS * _PHASES, along=self)
 
     def _folded(self, period: float) -> tuple[float, dict[str, float]]:
-        """What bursts of a period promise beside a constant, and when the best of them begin and how long they are."""
+        """Return the gain of bursts of a period in addition to a constant, and their start, period and length."""
         low = self.span[0]
         phase = (np.mod(self.middle - low, period) / period * _PHASES).astype(np.int64)
         folded = (np.bincount(phase, one, minlength=_PHASES)[:_PHASES] for one in (self.pull, self.information))
         pulls, powers = (np.concatenate([[0.0], np.cumsum(np.tile(one, 2))]) for one in folded)
-        whole = float(self.information.sum())
+        total = float(self.information.sum())
         best = -1.0, 0, 2
         for length in range(2, _PHASES // 2):
             inside, own = (one[length : length + _PHASES] - one[:_PHASES] for one in (pulls, powers))
-            own = own * (1.0 - own / max(whole, 1e-300))
-            gain = np.divide(inside**2, own, out=np.zeros_like(own), where=own > 1e-12 * whole)
+            own = own * (1.0 - own / max(total, 1e-300))
+            gain = np.divide(inside**2, own, out=np.zeros_like(own), where=own > 1e-12 * total)
             place = int(np.argmax(gain))
             best = max(best, (float(gain[place]), place, length))
         gained, place, length = best
@@ -456,7 +458,7 @@ def _remembered(
     factor: FloatArray,
     span: Span,
 ) -> Iterator[Begun]:
-    """What follows a coordinate through a first-order lag, or a temperature with a backlash, at the best place."""
+    """Yield the best first-order lag of a coordinate, and the best backlash of the gyro temperature."""
     stage, over, _ = place
     longest, wide = float(np.ptp(problem.time_s)), span[1] - span[0]
     taus = [tau for tau in _MEMORIES_S.tolist() if tau < 0.5 * longest]
@@ -479,7 +481,7 @@ def _remembered(
 
 
 def _lag(problem: GyroProblem, values: FloatArray, tau_s: float) -> FloatArray:
-    """The first-order lag of values, through every pause and anew in every recording, shape (n,)."""
+    """Return the first-order lag of values, shape (n,), through all pauses; each recording starts anew."""
     time_s, parts = problem.time_s, []
     kept, begun_s = None, math.nan
     for part, origin_s in zip(problem.stretches, problem.frame.origins_s, strict=True):
@@ -495,7 +497,7 @@ def _held(values: FloatArray, half_width: float) -> FloatArray:
 
 
 def _grid(over: str, shape: str, span: Span) -> Iterator[dict[str, float]]:
-    """Places that cover the range of a coordinate; where zero changes nothing, steps and kinks lead away from it."""
+    """Yield places over the range of a coordinate; over a signed one, steps and kinks point away from zero."""
     low, wide = span[0], span[1] - span[0]
     signed = OVER[over].signed and span[0] < 0.0 < span[1]
 
@@ -532,7 +534,7 @@ def _grid(over: str, shape: str, span: Span) -> Iterator[dict[str, float]]:
 
 
 def _cycles(span: Span) -> Iterator[dict[str, float]]:
-    """Bursts that come again and again, each for some share of the time."""
+    """Yield the places of periodic bursts, for several periods, lengths and phases."""
     low, wide = span[0], span[1] - span[0]
     for count in np.geomspace(_FEWEST_CYCLES, _MOST_CYCLES, _CYCLES).tolist():
         every = wide / count
@@ -544,11 +546,11 @@ def _cycles(span: Span) -> Iterator[dict[str, float]]:
 
 
 def encoder_jumps(problem: GyroProblem, pull: Pull, noise: float) -> list[Structure]:
-    """Instants at which the angle that the encoder states jumps for good, the largest first.
+    """Return the permanent jumps of the encoder's angle, the largest first.
 
-    The rate that the filters make of a jump is their response to a step. Of few such places each stands out of all
-    others, and leaves `noise` (whitened): what is wrong with the response to motion shows wherever the table starts and
-    stops, and a bias that is another for a while has ends that a jump does not follow.
+    A jump appears in the rate as the step response of the filters. It is accepted only if there are few such places, if
+    its gain clearly exceeds that of all others, and if only `noise` (whitened) remains there. An error of the response
+    to motion appears at every start and stop of the table; the ends of a temporary bias change do not match a jump.
     """
     motion = problem.frame.motions[0]
     if problem.band is not None:

@@ -1,8 +1,8 @@
-"""Models for what has no name: of the residual's coordinates the simplest shape that explains it.
+"""Search for structures: the simplest shape over a coordinate that explains the residual.
 
-What a fit leaves was found model-free (`rest`), which also sets the ceiling. Here shapes over all coordinates are
-fitted like effects, jointly with the baseline and the findings, and compared by evidence, which pays for each parameter
-(Schwarz, Annals of Statistics 6, 1978) and every place that was looked at; steps that nothing was fitted to decide.
+The structure of the residual (`rest`) was found without a model and limits what can be explained. Here, shapes over all
+coordinates are fitted like effects, jointly with the baseline and the findings. They are compared by evidence, with a
+price for each parameter (Schwarz, Annals of Statistics 6, 1978) and for every place tried. Held-out steps decide.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from benchctl_instruments.physics.structure_shapes import SHAPES
 from benchctl_instruments.physics.structures import Structure, unmoved
 
 _NEAR_THE_BEST = 0.4
-"""Share of the best promise below which a shape is not fitted."""
+"""Minimum expected gain of a fitted shape, relative to the best one."""
 _REFINED, _FITTED, _OF_ONE_PLACE, _MOST_PLACES = 30, 6, 3, 4
-"""Of so many shapes the place is refined; so many are fitted, at one place so many, at so many of these."""
+"""Number of shapes that are refined; maximum number fitted, fitted per stage and coordinate, and of these pairs."""
 _SIZED = 2
 _SHARPER = (0.2, 0.2)
 _NOTHING = 1e-3
-"""A loss on held-out steps in which a structure does not show."""
+"""Tolerated loss on held-out steps, where the structure has no influence."""
 _KINDS = {
     "gyro_temp": "temperature",
     "gyro_temp_rate": "temperature",
@@ -50,14 +50,14 @@ _KINDS = {
 }
 _MOTION = "motion"
 NEARLY = 0.97
-"""Share of the best gain that a simpler shape over the same coordinate must reach."""
+"""Minimum gain of a simpler shape over the same coordinate, relative to the best gain."""
 _TIE = 10.0
-"""In twice the log likelihood: two coordinates whose models differ by less are not told apart."""
+"""Two coordinates whose models differ by less, in twice the log likelihood, are not distinguishable."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Modelled:
-    """A selection with structures in its model, and by coordinate what else would explain the first as well."""
+    """A selection with structures, other coordinates that explain the first one as well, and the residual."""
 
     chosen: Selection
     structures: tuple[Structure, ...]
@@ -90,26 +90,26 @@ def modelled(
     bare: Fit | None = None,
     seed: int,
 ) -> Modelled | None:
-    """The selection with what is left modelled by at most so many structures; None where no shape explains it.
+    """Return the selection with the residual modelled by at most `most` structures; None if no shape explains it.
 
-    Shapes over coordinates along which one of the effects `apart_from` acts are not tried, and smooth curves only where
-    they are asked for, one over coordinates of a kind: together they would follow anything. The first must gain what it
-    is `worth`. What is little beside what was found, and may be what its shape misses, is not modelled; `bare` is the
-    fit without structures where some are in the selection.
+    Shapes over the coordinates of the effects `apart_from` are not tried. Splines are tried only if `smooth` is set,
+    one per kind of coordinate, because together they could follow anything. The first structure must gain at least
+    `worth`. A small residual that may be due to an inexact shape is not modelled. `bare` is the fit without structures
+    if the selection already contains some.
     """
     taken = {_kind(word) for effect in apart_from for word in _own(effect.coordinate)}
     found: list[Structure] = []
     ties: tuple[str, ...] = ()
     known = [one for one in chosen.after.point.effects if isinstance(one, Structure)] if bare is not None else []
     bare = chosen.after if bare is None else bare
-    for _ in range(2 * most):  # of which some make others needless
+    for _ in range(2 * most):  # some make others redundant
         if len(found) == most or not rest.significant:
             break
         before = [*known, *found]
         explained = gain_of(chosen.after, bare) if before else 0.0
-        owed = bool(before) and is_owed(rest, max(explained, _as_gain(chosen, bare, rest)))
+        minor = bool(before) and is_owed(rest, max(explained, _as_gain(chosen, bare, rest)))
         curved = {_kind(one.over) for one in before if one.is_smooth} if smooth else {*_KINDS.values(), _MOTION}
-        ruled_out = taken | (_followed(before) if owed else set())
+        ruled_out = taken | (_followed(before) if minor else set())
         candidates = _candidates(problem, chosen, ruled_out, curved, IMPERFECT**2 * explained)
         if not candidates or (not found and max(one.gain for one in candidates) < worth):
             break
@@ -117,7 +117,7 @@ def modelled(
         ties = ties if found else _tied(best, candidates)
         chosen = _with(problem, chosen, best.fit)
         first = found[:1]
-        if any(type(one) is type(best.structure) for one in found):  # keys do not tell two of a kind apart
+        if any(type(one) is type(best.structure) for one in found):  # two of a kind have the same key
             found = [*found, best.structure]
         else:
             chosen, found = _pruned(problem, chosen, found, best.structure)
@@ -129,9 +129,9 @@ def modelled(
 
 
 def _simple_enough(problem: Structurable, chosen: Selection, candidates: Sequence[_Candidate], seed: int) -> _Candidate:
-    """Of the models over the coordinate that explains most the simplest, where it leaves no more than the best one."""
+    """Return the simplest model over the best coordinate, if its residual is no larger than that of the best model."""
     best = max(candidates, key=lambda one: one.evidence)
-    if best.structure.over == "output":  # which is nearly the rate, of which more is a function
+    if best.structure.over == "output":  # nearly the same as the rate, which more effects depend on
         rates = [one for one in candidates if one.structure.over == "rate"]
         nearest = max(rates, key=lambda one: one.evidence, default=best)
         best = nearest if nearest.evidence > best.evidence - _TIE else best
@@ -146,14 +146,14 @@ def _simple_enough(problem: Structurable, chosen: Selection, candidates: Sequenc
 
 
 def _tied(best: _Candidate, candidates: Sequence[_Candidate]) -> tuple[str, ...]:
-    """Other coordinates over which a structure explains as much."""
+    """Return the other coordinates over which a structure explains as much."""
     most = max(candidates, key=lambda one: one.evidence)
     words = dict.fromkeys(one.structure.word for one in candidates if one.evidence > most.evidence - _tie(most))
     return tuple(word for word in words if word != best.structure.word)
 
 
 def _as_gain(chosen: Selection, bare: Fit, rest: ResidualStructure) -> float:
-    """The power that structures explain, scaled like the gain of what is left; a log likelihood understates it."""
+    """Return the power explained by structures, scaled like the residual's gain; a log likelihood understates it."""
     counted = chosen.whitener.weight > 0.0
     explained = float(np.mean(bare.residual[counted] ** 2 - chosen.after.residual[counted] ** 2))
     return rest.gain * explained / max(rest.power, 1e-300)
@@ -162,7 +162,7 @@ def _as_gain(chosen: Selection, bare: Fit, rest: ResidualStructure) -> float:
 def _pruned(
     problem: Structurable, chosen: Selection, found: list[Structure], last: Structure
 ) -> tuple[Selection, list[Structure]]:
-    """The selection, and the structures in it, without those that the last one has made needless."""
+    """Return the selection and its structures without those that the last one made redundant."""
     kept = found
     for one in found:
         less = reduced(problem, chosen, {one.identifier})
@@ -172,7 +172,7 @@ def _pruned(
 
 
 def _simplest(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:
-    """The shape of fewest numbers that explains nearly as much as the best, at its stage over its coordinate."""
+    """Return the shape with the fewest parameters, at the stage and coordinate of the best, with nearly its gain."""
     alike = [one for one in candidates if _alike(one, best)]
     most = max(one.gain for one in alike)
     return min(
@@ -182,7 +182,7 @@ def _simplest(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:
 
 
 def _at_one_value(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:
-    """Instead of two instants the one value of another coordinate that explains as much: no coincidence is needed."""
+    """Return a model over another coordinate with as much evidence and fewer events than one over time, or `best`."""
     if best.structure.over != "time":
         return best
     fewer = [
@@ -196,24 +196,24 @@ def _at_one_value(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candid
 
 
 def _tie(best: _Candidate) -> float:
-    """How much less evidence a model may have and still tie with the best one, which may miss as much itself."""
+    """Return the evidence by which a model may be below the best one and still tie: the best one may be as inexact."""
     return max(_TIE, IMPERFECT**2 * best.gain)
 
 
 def _values(structure: Structure) -> int:
-    """At how many values of its coordinate something happens."""
+    """Return the number of values of the coordinate at which the structure changes."""
     shape = SHAPES[structure.shape]
     return len({*shape.places, *shape.lengths} - {"width"})
 
 
 def _alike(one: _Candidate, other: _Candidate) -> bool:
-    """Whether two act at one stage over one coordinate."""
+    """Return whether both act at the same stage over the same coordinate."""
     mine, its = one.structure, other.structure
     return (mine.acts_on, mine.over, mine.times) == (its.acts_on, its.over, its.times)
 
 
 def _sharpened(problem: Structurable, chosen: Selection, best: _Candidate) -> _Candidate:
-    """A step with a narrower width where that is better: a fit does not see edges that lie between its rows."""
+    """Return a step with a smaller width if that is better: a fit cannot resolve edges between its rows."""
     for share in _SHARPER if "width" in best.structure.values and best.structure.is_stepped else ():
         values = best.structure.values
         begun = type(best.structure).make({**values, "width": share * values["width"]})
@@ -225,9 +225,10 @@ def _sharpened(problem: Structurable, chosen: Selection, best: _Candidate) -> _C
 
 
 def with_jumps(problem: GyroProblem, chosen: Selection) -> tuple[Selection, tuple[Structure, ...]]:
-    """The selection with the jumps of the encoder that the data demand, and these; a rest need not show them.
+    """Return the selection with the significant jumps of the encoder, and these jumps.
 
-    No other step foretells a jump: one in a step that was held out is looked for, and fitted, there.
+    They are searched even if the residual has no significant structure. A jump in a held-out step cannot be predicted
+    from other steps, so it is searched and fitted in this step.
     """
     found: list[Structure] = []
     looked = 2.0 * math.log(chosen.after.rows)
@@ -250,24 +251,24 @@ def with_jumps(problem: GyroProblem, chosen: Selection) -> tuple[Selection, tupl
 def _with_jump_held_out(problem: GyroProblem, chosen: Selection, begun: Structure, looked: float) -> Selection | None:
     everything = chosen.whole
     point = replace(everything.point, effects=(*everything.point.effects, begun))
-    whole = fit(problem, chosen.whitener, point, everything.fitted)
-    if gain_of(whole, everything) - looked < chosen.least or at_bound(whole.point.effects[-1]):
+    full = fit(problem, chosen.whitener, point, everything.fitted)
+    if gain_of(full, everything) - looked < chosen.least or at_bound(full.point.effects[-1]):
         return None
-    added = whole.point.effects[-1]
+    added = full.point.effects[-1]
     assert isinstance(added, Structure)  # noqa: S101  # it was fitted as one
     point = replace(chosen.after.point, effects=(*chosen.after.point.effects, unmoved(added)))
     after = fit(problem, chosen.whitener, point, chosen.after.fitted)
-    return replace(_with(problem, chosen, after), whole=whole)
+    return replace(_with(problem, chosen, after), whole=full)
 
 
 def _with(problem: Structurable, chosen: Selection, after: Fit) -> Selection:
-    """The selection with a structure as the last effect of its model; it was fitted by derivatives that nearly hold."""
+    """Return the selection with the structure of `after` as last effect, refitted with exact derivatives."""
     after = fit(problem, chosen.whitener, after.point, after.fitted)
     effects = (*chosen.whole.point.effects, after.point.effects[-1])
     everything = np.ones_like(after.fitted)
-    whole = after
+    full = after
     if chosen.heldout.any():
-        whole = fit(problem, chosen.whitener, Point(baseline=after.point.baseline, effects=effects), everything)
+        full = fit(problem, chosen.whitener, Point(baseline=after.point.baseline, effects=effects), everything)
     gone = chosen.after
     evidence = Evidence(
         gain=gain_of(after, gone),
@@ -276,22 +277,22 @@ def _with(problem: Structurable, chosen: Selection, after: Fit) -> Selection:
         excess=(gone.white**2 - after.white**2).astype(np.float32),
     )
     key = keys_of(after.point.effects)[-1]
-    return replace(chosen, after=after, whole=whole, evidence={**chosen.evidence, key: evidence})
+    return replace(chosen, after=after, whole=full, evidence={**chosen.evidence, key: evidence})
 
 
 def _kind(word: str) -> str:
-    """What a coordinate is of: motion, temperature, angle, time."""
+    """Return the kind of a coordinate: motion, temperature, angle or time."""
     return _KINDS.get(word, _MOTION)
 
 
 def _followed(found: Sequence[Structure]) -> set[str]:
-    """Kinds of coordinates over which what the shapes of structures miss may show; a temperature follows the time."""
+    """Return the kinds of coordinates affected by inexact shapes; temperature and time belong together."""
     kinds = {_kind(word) for one in found for word in one.word.split("*")}
     return kinds | ({"temperature", "time"} if kinds & {"temperature", "time"} else set())
 
 
 def _own(coordinate: str) -> list[str]:
-    """The words of a coordinate; of two without the rate, in proportion to which a scale factor acts."""
+    """Return the words of a coordinate; of two, without `rate`, which is due to the scale factor."""
     words = coordinate.split("*")
     return [word for word in words if word != "rate"] or words
 
@@ -299,10 +300,10 @@ def _own(coordinate: str) -> list[str]:
 def _candidates(
     problem: Structurable, chosen: Selection, taken: set[str], curved: set[str], missed: float
 ) -> list[_Candidate]:
-    """Models with one structure more that hold on steps which they were not fitted to.
+    """Return models with one additional structure that also hold on held-out steps.
 
-    None over coordinates of the kinds that are `taken`, and no smooth curve over those that are `curved`. So much of
-    what one gains may be what the structures before it have `missed`.
+    Coordinates of the kinds in `taken` are excluded, splines also over the kinds in `curved`. A gain up to `missed` may
+    be due to inexact earlier structures.
     """
     pulls = (pull_of(problem, chosen.whitener, one) for one in (chosen.after, chosen.whole))
     begun = begun_everywhere(problem, *pulls)
@@ -320,7 +321,7 @@ def _candidates(
 
 
 def few_of_each(ranked: Sequence[Begun]) -> Iterator[Begun]:
-    """The most promising, at one place only some, of smooth curves one; none that promises far less than the best."""
+    """Yield the best candidates: a few per place, one spline per place, none with a gain far below the best."""
     counts: Counter[tuple[str, str]] = Counter()
     curves: set[tuple[str, str]] = set()
     for one in ranked:
@@ -338,15 +339,15 @@ def few_of_each(ranked: Sequence[Begun]) -> Iterator[Begun]:
 
 
 def _fitted(problem: Structurable, chosen: Selection, begun: Structure, looked: float) -> _Candidate | None:
-    """The model with a structure; None where it does not pass, also on steps that were held out."""
+    """Fit the model with a structure; return None if it fails a test, also on held-out steps."""
     present = chosen.after
-    # sizes and everything beside them first: a place found among all is better than one that follows them there
+    # sizes and all other parameters first, with fixed places: the places are better fitted from there
     there = replace(present.point, effects=(*present.point.effects, unmoved(begun, ("shape",))))
     sized = fit(problem, chosen.whitener, there, present.fitted, rounds=_SIZED, near=present).point
     begun = type(begun).make(sized.effects[-1].values)
     start = replace(sized, effects=(*sized.effects[:-1], begun))
     held = chosen.heldout
-    # no other step foretells an instant: all steps say when it is, those that were not held out how much it changes
+    # an instant cannot be predicted from other steps: it is fitted to all steps, its size to those not held out
     instant = begun.over == "time" and begun.acts_on != "encoder" and bool(held.any())
     one = fit(problem, chosen.whitener, start, np.ones_like(held) if instant else present.fitted, near=present)
     added = one.point.effects[-1]

@@ -1,4 +1,4 @@
-"""Named effects beside structures: what was found before a structure, and stood for it, is not stated beside it."""
+"""Named effects together with structures: removes effects that were found only in place of a structure."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ from benchctl_instruments.physics.structure_places import ACTS
 from benchctl_instruments.physics.structures import Structure, freed
 
 CLEARLY = 20.0
-"""In twice the log likelihood, beyond what its parameters cost: by that much a structure must be better than names."""
+"""Minimum advantage of a structure over named effects, in twice the log likelihood less the price of parameters."""
 
 _CLEARLY_LESS = 0.5
-"""Structures that take more numbers than names do must leave so much less, in power."""
+"""Structures with more parameters than the named effects must reduce the residual power by this factor."""
 
 _OF_THE_RATE = {"output": "rate", "abs_rate": "rate"}
-"""Coordinates that are one: what is a function of the rate is nearly one of the output."""
+"""Coordinates that count as the same: a function of the rate is nearly a function of the output."""
 
 _STEPS, _BEGUN = 3, 0.3
-"""So many structures may stand, or take the place of a process where the first gains such a share of what it does."""
+"""Maximum number of structures; minimum gain of the first one relative to what it replaces."""
 
 _PIECES = (24, 48, 96)
-"""So many straight pieces, few or many, over each of two coordinates, and as many together over one."""
+"""Numbers of linear pieces over each of two coordinates; over one coordinate twice as many."""
 
 _SEVERAL = 2
-"""So many structures over one coordinate at one stage are one curve, where one fits."""
+"""Minimum number of structures at one stage and coordinate that a single curve may replace."""
 _NEARLY_ALL = 0.98
-"""A process follows anything slow: a structure that explains nearly as much takes its place."""
+"""A process can follow anything slow: a structure with this share of its gain replaces it."""
 
 
 def settled(problem: Structurable, chosen: Selection) -> Selection:
-    """The selection without findings that gain too little beside its structures, its noise measured beside them.
+    """Return the selection without findings whose gain is too small with its structures, and with the noise remeasured.
 
-    Fitted to all steps, the structures are free in all their numbers: these are what is stated.
+    In the fit to all steps, all parameters of the structures are free; their values are reported.
     """
     while (needless := _needless(problem, chosen)) is not None:
         chosen = reduced(problem, chosen, {needless})
@@ -64,8 +64,8 @@ def settled(problem: Structurable, chosen: Selection) -> Selection:
     held = chosen.whole.point.effects
     free = tuple(freed(one) if isinstance(one, Structure) else one for one in held)
     if [*map(type, free)] != [*map(type, held)]:
-        whole = fit(problem, chosen.whitener, replace(chosen.whole.point, effects=free), chosen.whole.fitted)
-        chosen = replace(chosen, whole=whole)
+        full = fit(problem, chosen.whitener, replace(chosen.whole.point, effects=free), chosen.whole.fitted)
+        chosen = replace(chosen, whole=full)
     point = chosen.after.point
     named = tuple(effect for effect in point.effects if not isinstance(effect, Structure))
     bare = fit(problem, chosen.whitener, Point(baseline=point.baseline, effects=named), chosen.after.fitted)
@@ -73,10 +73,11 @@ def settled(problem: Structurable, chosen: Selection) -> Selection:
 
 
 def instead_or_beside(problem: DriveProblem, chosen: Selection, *, left: bool, seed: int) -> Modelled:
-    """The best model of a torque: names alone, or structures beside them or in the place of those along one coordinate.
+    """Return the best model of a torque: named effects with or without structures.
 
-    Several harmonics follow any peak over the angle. Structures that stand must be better than names alone by far, or
-    leave nothing where these do.
+    Structures may be added to the effects or replace those along one coordinate: several harmonics can follow any peak
+    over the angle. Structures must be clearly better than the effects alone, or leave no residual where these leave
+    one (`left`).
     """
     rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
     names = Modelled(chosen=chosen, structures=(), ties=(), left=rest)
@@ -89,10 +90,10 @@ def instead_or_beside(problem: DriveProblem, chosen: Selection, *, left: bool, s
 
 
 def _in_turns(problem: DriveProblem, chosen: Selection, seed: int) -> Modelled | None:
-    """Structures and names, one after the other: a structure, the names that show beside it, and the next structure.
+    """Search structures and named effects in turn: a structure, the effects found with it, and the next structure.
 
-    What is found first follows what is still missing, too; so the structures are found once more beside all names, and
-    names anew beside these. None where no shape explains anything.
+    The first terms also follow what is still missing. The structures are therefore searched again with all effects,
+    then the effects with these structures. Return None if no shape explains anything.
     """
     found: Modelled | None = None
     for _ in range(_STEPS):
@@ -116,31 +117,31 @@ def _in_turns(problem: DriveProblem, chosen: Selection, seed: int) -> Modelled |
 
 
 def _worth(found: Modelled) -> tuple[bool, float]:
-    """What is compared of models: the least is the best."""
+    """Return the sort key of a model; the smallest is the best."""
     return found.left.significant, _criterion(found)
 
 
 def _with_names(problem: DriveProblem, found: Modelled, seed: int) -> Modelled:
-    """The same with the names that show beside structures, and without structures that these make needless."""
+    """Return the model with the named effects found with its structures, and without redundant structures."""
     known = structures_of(found.chosen)
-    if len({*known.values()}) < len(known):  # a search does not know two of a kind apart
+    if len({*known.values()}) < len(known):  # a search cannot distinguish two of a kind
         return found
     again = select(problem, seed=seed, progress=lambda _name, _share: None, chosen=found.chosen)
     kept = tuple(one for one in found.structures if one.identifier in structures_of(again).values())
     left = residual_structure_of(problem, again.whitener, again.after, seed=seed)
-    beside = Modelled(chosen=again, structures=kept, ties=found.ties if kept else (), left=left)
-    return beside if _criterion(beside) < _criterion(found) else found
+    extended = Modelled(chosen=again, structures=kept, ties=found.ties if kept else (), left=left)
+    return extended if _criterion(extended) < _criterion(found) else found
 
 
 def structures_of(chosen: Selection) -> dict[str, str]:
-    """The keys of the structures of a selection, and their identifiers."""
+    """Return the identifiers of the structures of a selection, by key."""
     effects = chosen.after.point.effects
     named = zip(keys_of(effects), effects, strict=True)
     return {key: one.identifier for key, one in named if isinstance(one, Structure)}
 
 
 def _criterion(found: Modelled) -> float:
-    """Schwarz's criterion of a model: the lower, the better."""
+    """Return Schwarz's criterion (BIC) of a model; lower is better."""
     after = found.chosen.after
     return after.rows * math.log(after.squares) + len(after.numbers) * math.log(after.rows)
 
@@ -159,11 +160,11 @@ def _needless(problem: Structurable, chosen: Selection) -> str | None:
 def instead_of_names(
     problem: GyroProblem, chosen: Selection, *, left: bool, seed: int
 ) -> tuple[Selection, Modelled] | None:
-    """A structure in the place of several findings along one coordinate, or of a wandering bias, where it is better.
+    """Return a structure that replaces several findings along one coordinate, or a wandering bias, if it is better.
 
-    It must have fewer parameters than the findings have together; one finding beside which something is `left` gives
-    way to a structure beside which nothing is. Beside it comes the selection without them. None where there are no such
-    findings, or they do as well.
+    It must have fewer parameters than the findings together. A single finding that leaves a residual (`left`) is
+    replaced by a structure that leaves none. The first value is the selection without the findings. Return None if
+    there are no such findings or if they are as good.
     """
     for keys, parameters, gain in _replaceable(problem, chosen, 1 if left else 2):
         less = reduced(problem, chosen, keys)
@@ -186,10 +187,10 @@ def instead_of_names(
 
 
 def names_do_better(problem: GyroProblem, names: Selection, instead: Selection, *, seed: int) -> bool:
-    """Whether findings do better on held-out steps than what took their place: structures, or nothing.
+    """Return whether findings are better on held-out steps than their replacement: structures, or nothing.
 
-    A name falls where a structure may be behind it. Where none was found beside which nothing is left, the name says
-    more than its absence; and more than structures of more numbers that leave not much less beyond the noise.
+    Findings are dropped if a structure may be the cause. They are kept if the replacement leaves a larger residual
+    beyond the noise; a replacement with more parameters must leave a clearly smaller one.
     """
     if not residual_structure_of(problem, instead.whitener, instead.after, seed=seed).significant:
         return False
@@ -205,11 +206,11 @@ def names_do_better(problem: GyroProblem, names: Selection, instead: Selection, 
 
 
 def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed: int) -> Modelled | None:
-    """Structures that explain more than a process which gains so much, by themselves or beside a smaller one.
+    """Return structures that explain more than a process of this `gain`, alone or with a smaller process.
 
-    A process follows anything slow, structures follow a process: so they are added one by one, and each with the
-    process that is left beside it must gain more than the last. What does not wander is no process: then structures
-    stand by themselves, though no shape may be quite what is there. None where the process alone does as well.
+    A process can follow anything slow, and structures can follow a process. Structures are therefore added one by one,
+    and each one, with the remaining process, must gain more than the last. A residual that does not wander is not a
+    process; then structures are used alone, even if no shape fits exactly. None if the process alone is as good.
     """
     wandering = _wanders(problem, less, gain)
     best: tuple[float, Modelled] | None = None
@@ -228,34 +229,34 @@ def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed
         chosen, rest, structures = found.chosen, found.left, (*structures, *found.structures)
         numbers = sum(len(one.parameters) for one in structures)
         gained = gain_of(chosen.after, less.after) - numbers * math.log(less.after.rows)
-        beside = chosen.noise.wandering(problem, chosen.after, chosen.least)
+        process = chosen.noise.wandering(problem, chosen.after, chosen.least)
         found = replace(found, structures=structures)
-        if gained > _NEARLY_ALL * gain and (beside is None or beside.gain < (1.0 - _NEARLY_ALL) * gained):
+        if gained > _NEARLY_ALL * gain and (process is None or process.gain < (1.0 - _NEARLY_ALL) * gained):
             return found
-        total = gained + (0.0 if beside is None else beside.gain)
+        total = gained + (0.0 if process is None else process.gain)
         if wandering and total < gain + CLEARLY:
             continue
-        if beside is None or not _wanders(problem, chosen, beside.gain):
+        if process is None or not _wanders(problem, chosen, process.gain):
             best = total, found
         elif best is None or total > best[0]:
-            best = total, _beside(problem, found, beside, seed)
+            best = total, _beside(problem, found, process, seed)
     return None if best is None else best[1]
 
 
 def _wanders(problem: GyroProblem, without: Selection, gain: float) -> bool:
-    """Whether what a process follows, which gains so much, is no function of time or of temperature.
+    """Return whether the signal that a process of this `gain` follows is not a function of time or of temperature.
 
-    A chain of straight pieces over time, or over the temperature and its rate, explains a function better than a
-    process does, which knows the next row from the last ones alone; and a function of the temperature better than one
-    of time as fine. What wanders is followed by none of them as well.
+    A function of time, or of the temperature and its rate, is explained better by a piecewise linear function than by
+    a process, which predicts a row only from earlier rows. A function of the temperature is explained better by pieces
+    over temperature than by equally many over time. A wandering signal is explained best by the process.
     """
     fitted, weight = without.after, without.whitener.weight
     left = ScoreTest(fitted.white, fitted.derivatives, fitted.fitted[problem.step] & (weight > 0.0))
 
     def evidence(names: Sequence[str], pieces: int) -> float:
         lines = [_lines_along(problem.coordinates[name], pieces, weight) for name in names]
-        seen = left.seen(scipy.sparse.hstack(lines).tocsr())
-        return seen.gain - seen.dof * math.log(left.freedom)
+        tested = left.seen(scipy.sparse.hstack(lines).tocsr())
+        return tested.gain - tested.dof * math.log(left.freedom)
 
     by_temperature = {pieces: evidence(("gyro_temp", "gyro_temp_rate"), pieces) for pieces in _PIECES}
     by_time = {pieces: evidence(("time",), 2 * pieces) for pieces in _PIECES}
@@ -270,26 +271,26 @@ def _lines_along(values: FloatArray, pieces: int, weight: FloatArray) -> scipy.s
 
 
 def _beside(problem: GyroProblem, found: Modelled, process: Noisy, seed: int) -> Modelled:
-    """Structures with a process beside them, all refitted."""
+    """Return the structures with a process added to the noise model, all refitted."""
     chosen = _under(problem, found.chosen, found.chosen.noise.with_(process))
     return replace(found, chosen=chosen, left=residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed))
 
 
 def leaving_out(problem: GyroProblem, chosen: Selection, rows: BoolArray) -> Selection:
-    """A selection refitted without some of its rows, shape (n,)."""
+    """Return a selection refitted without the rows of a mask, shape (n,)."""
     return _under(problem, chosen, chosen.noise.leaving_out(rows))
 
 
 def _under(problem: Structurable, chosen: Selection, noise: NoiseModel) -> Selection:
-    """A selection refitted with another model of the noise."""
-    after, whole = (fit(problem, noise.whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
-    return replace(chosen, noise=noise, after=after, whole=whole)
+    """Return a selection refitted with another noise model."""
+    after, full = (fit(problem, noise.whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
+    return replace(chosen, noise=noise, after=after, whole=full)
 
 
 def as_one_curve(problem: Structurable, found: Modelled, seed: int) -> Modelled:
-    """One smooth curve in the place of several structures over one coordinate, and of names along it, that make it up.
+    """Replace several structures over one coordinate, and named effects along it, by one smooth curve.
 
-    Beside it no more may be left than beside them: several shapes are no simpler than a curve.
+    The curve may not leave a larger residual. It is preferred because several shapes are not simpler than one curve.
     """
     effects = dict(zip(keys_of(found.chosen.after.point.effects), found.chosen.after.point.effects, strict=True))
     structures = {key: one for key, one in effects.items() if isinstance(one, Structure) and one.pointwise}
@@ -302,7 +303,7 @@ def as_one_curve(problem: Structurable, found: Modelled, seed: int) -> Modelled:
             key
             for key, one in effects.items()
             if isinstance(one, PhysicalEffect) and not isinstance(one, Structure) and _same(one.coordinate) == over
-            # a bias that is odd in the rate is a scale factor that is even in it
+            # a bias that is odd in the rate equals a scale factor that is even in it
             if over == "rate" or one.stage == ACTS[stage].chain
         ]
         less = reduced(problem, found.chosen, {*shapes, *names})
@@ -319,15 +320,16 @@ def as_one_curve(problem: Structurable, found: Modelled, seed: int) -> Modelled:
 
 
 def _same(coordinate: str) -> str:
-    """The coordinate itself, or the one that it is nearly; what a scale factor's is in proportion to apart."""
+    """Return the coordinate, or the equivalent one, without `rate`, which is due to the scale factor."""
     words = [word for word in coordinate.split("*") if word != "rate"] or ["rate"]
     return "*".join(_OF_THE_RATE.get(word, word) for word in words)
 
 
 def _replaceable(problem: Structurable, chosen: Selection, fewest: int) -> Iterator[tuple[tuple[str, ...], int, float]]:
-    """Keys of so many findings along one coordinate, their parameters and gain; and of a wandering bias, which has one.
+    """Yield the keys, number of parameters and gain of at least `fewest` findings along one coordinate.
 
-    A delay and a filter are not among them: a function of the acceleration does the same at one frequency only.
+    A wandering bias follows with one parameter. Delays and filters are excluded: a function of the acceleration is
+    equivalent to them at a single frequency only.
     """
     found = zip(chosen.evidence, chosen.after.point.effects, strict=True)
     effects = {key: effect for key, effect in found if not isinstance(effect, ClockEffect | FilterEffect)}

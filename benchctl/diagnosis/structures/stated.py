@@ -1,4 +1,4 @@
-"""Structures without a name as a diagnosis states them: sentence, formula, intervals, and kinds of causes."""
+"""Structures as a diagnosis reports them: sentence, formula, parameters with intervals, and possible causes."""
 
 from __future__ import annotations
 
@@ -69,9 +69,9 @@ _HINTS: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("heat", "heater"): ("a heater that does not switch on at once", "a fuse or a phase that is missing"),
 }
 _MOST_OF_IT = 0.8
-"""A model that explains less of what is left, in power, is none."""
+"""Minimum share of the residual power that a model must explain."""
 _CLEARLY_LESS = 0.5
-"""Smooth curves take the place of simple shapes that leave something, where they leave so much less, in power."""
+"""Smooth curves replace simple shapes with a significant residual if they reduce its power by this factor."""
 _OF_STAGE: Mapping[str, tuple[str, ...]] = {
     "encoder": ("a slipping coupling", "lost counts", "a new index of the encoder"),
     "noise": ("a connection that is about to fail", "a source that loses light", "interference"),
@@ -96,14 +96,14 @@ def with_structures(
     spikes: bool = False,
     seed: int,
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
-    """The selection with what is unexplained modelled, and what is then said of it; as it is where no shapes fit.
+    """Return the selection with the residual modelled, and the report on it; unchanged if no shape fits.
 
-    Names that had `fallen`, because of what was left beside them, are tried again beside the structures. Where the
-    output has `spikes`, jumps of the encoder's angle are not looked for.
+    Named effects that had `fallen` (dropped because of a residual) are tried again with the structures. If the output
+    has `spikes`, jumps of the encoder's angle are not searched.
 
-    What is little enough to be `owed` to the model of a finding is a structure all the same where a shape explains it
-    over another coordinate than those along which findings act. Jumps of the encoder, and noise that is not of one
-    size, need not show in what is left: they are looked for always.
+    A small residual attributed to an inexact finding (`owed`) is still a structure if a shape explains it over a
+    coordinate along which no finding acts. Jumps of the encoder and noise that is not constant may not be visible in
+    the residual, so they are always searched.
     """
     if isinstance(problem, DriveProblem):
         return _of_torque(problem, chosen, unexplained, owed, seed)
@@ -127,9 +127,9 @@ def _of_prediction(
     spikes: bool,
     seed: int,
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
-    """The same of what changes the prediction."""
+    """Do the same for structures that change the prediction."""
     bare = chosen
-    # a spike of one row that was not recognised as one looks like a jump of the angle
+    # an unrecognised spike of one row looks like a jump of the angle
     chosen, jumps = (chosen, ()) if spikes else with_jumps(problem, chosen)
     found = _modelled(problem, chosen, unexplained, owed, seed)
     known = _where_direction_is_known(problem, chosen, unexplained, found, seed)
@@ -147,11 +147,11 @@ def _of_prediction(
         owed = (_UNSEEN,)
     if between is not None:
         owed = (*owed, _RAMPS)
-    instead = chosen.noise.found.keys() - by_shapes.chosen.noise.found.keys()  # of a process that names may follow, too
+    instead = chosen.noise.found.keys() - by_shapes.chosen.noise.found.keys()  # a replaced process
     by_shapes = as_one_curve(problem, by_shapes, seed)
-    if not (jumps or spikes):  # beside what is modelled by now they may stand out
-        beside, jumps = with_jumps(problem, by_shapes.chosen)
-        by_shapes = replace(by_shapes, chosen=beside)
+    if not (jumps or spikes):  # with the structures in the model, jumps may become significant
+        extended, jumps = with_jumps(problem, by_shapes.chosen)
+        by_shapes = replace(by_shapes, chosen=extended)
     if instead or by_shapes.left.significant:
         by_shapes = _named_again(problem, by_shapes, seed)
     elif fallen:
@@ -167,13 +167,13 @@ def _of_prediction(
 def _of_torque(
     problem: DriveProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
-    """The same of a drive's torque, of which friction follows much that has no name: names are looked for anew."""
+    """Do the same for a drive's torque. Friction can follow many structures, so named effects are searched again."""
     found = instead_or_beside(problem, chosen, left=unexplained.significant, seed=seed)
     if found.chosen is chosen:
         return chosen, unexplained, owed
     found = as_one_curve(problem, found, seed)
     found = replace(found, chosen=settled(problem, found.chosen))
-    if not found.structures:  # names alone do, since they were looked for beside a structure
+    if not found.structures:  # the effects found with a structure suffice without it
         return found.chosen, _left_of(found, unexplained), owed
     bare = reduced(problem, found.chosen, structures_of(found.chosen))
     rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
@@ -185,7 +185,7 @@ def _of_torque(
 def _of_heat(
     problem: ChamberProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
-    """The same of a chamber's heat, for which several names may stand."""
+    """Do the same for a chamber's heat, which several named effects may imitate."""
     found = heat_modelled(problem, chosen, left=unexplained.significant, seed=seed)
     if found is None or found.chosen.named is None:
         return chosen, unexplained, owed
@@ -194,7 +194,7 @@ def _of_heat(
 
 
 def _left_of(found: Modelled, unexplained: Unexplained) -> Unexplained:
-    """What names alone leave unexplained."""
+    """Return what the named effects alone leave unexplained."""
     if not found.left.significant:
         return NOTHING
     return replace(unexplained, coordinates=found.left.coordinates, says=found.left.says)
@@ -203,7 +203,7 @@ def _left_of(found: Modelled, unexplained: Unexplained) -> Unexplained:
 def _modelled(
     problem: GyroProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
 ) -> tuple[Selection, Modelled] | None:
-    """The selection beside which something was modelled, and the model of it."""
+    """Return the selection before structures were added, and the model with them; None if there are none."""
     better = instead_of_names(problem, chosen, left=bool(unexplained.significant or owed), seed=seed)
     if better is not None:
         return better
@@ -231,7 +231,7 @@ def _where_direction_is_known(
     found: tuple[Selection, Modelled] | None,
     seed: int,
 ) -> tuple[Selection, Modelled] | None:
-    """The same where it is known in which direction the table turned last, if that direction alone explains it all."""
+    """Do the same on rows with a known last direction of the table, if this direction alone explains the residual."""
     alone = found is not None and len(found[1].structures) == 1 and not found[1].left.significant
     if alone or not {"rate_sign", "step"} & {*unexplained.coordinates}:
         return None
@@ -241,9 +241,9 @@ def _where_direction_is_known(
         return None
     known = leaving_out(problem, chosen, rows)
     rest = residual_structure_of(problem, known.whitener, known.after, seed=seed)
-    beside = modelled(problem, known, rest, most=1, seed=seed)
-    if beside is not None and _of_last_direction(beside):
-        return known, beside
+    extended = modelled(problem, known, rest, most=1, seed=seed)
+    if extended is not None and _of_last_direction(extended):
+        return known, extended
     instead = instead_of_names(problem, known, left=True, seed=seed)
     return instead if instead is not None and _of_last_direction(instead[1]) else None
 
@@ -251,9 +251,10 @@ def _where_direction_is_known(
 def _between_ramps(
     problem: GyroProblem, found: tuple[Selection, Modelled] | None, seed: int
 ) -> tuple[Selection, Modelled] | None:
-    """The same without the rows near the ends of ramps, if a structure follows the set point, whose way the air shows.
+    """Do the same without the rows near the ends of ramps, if a structure depends on the set point.
 
-    None where no structure does, or another coordinate explains as much then.
+    The ramps of the set point are known only from the air temperature. Return None if no structure depends on the set
+    point, or if another coordinate then explains the residual.
     """
     if found is None or all(one.over != "setpoint" for one in found[1].structures):
         return None
@@ -270,20 +271,20 @@ def _between_ramps(
 
 
 def _of_last_direction(found: Modelled) -> bool:
-    """Whether the direction of the last turn explains all."""
+    """Return whether the last direction of rotation explains the complete residual."""
     return not found.left.significant and found.structures[0].over == "last_sign"
 
 
 def _knowing(problem: GyroProblem, names: Collection[str], chosen: Selection) -> GyroProblem:
-    """The problem with hypotheses of some names only, and of what was chosen."""
+    """Return the problem restricted to some named effects and those of the selection."""
     known = {*names, *chosen.noise.found, *(one.identifier for one in chosen.after.point.effects)}
     return replace(problem, without=problem.without | (effects().keys() - known))
 
 
 def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
-    """What was found with names in the place of structures, and beside them, where these do as well.
+    """Return the model with named effects that replace or extend its structures, if these are as good.
 
-    Of a swing at one frequency all coordinates of the motion are one, and any name has a structure that completes it.
+    In a swing at a single frequency, all coordinates of the motion are equivalent, so nothing is changed.
     """
     if swinging_hz(problem):
         return found
@@ -297,7 +298,7 @@ def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
     lost = found.chosen.after.rows * math.log(again.after.squares / found.chosen.after.squares)
     if not kept or again.noise.found.keys() != found.chosen.noise.found.keys():
         return found
-    needless = CLEARLY if len(kept) == len(found.structures) else 0.0  # beside all of them a name has to show
+    needless = CLEARLY if len(kept) == len(found.structures) else 0.0  # an added effect must be significant
     if lost + numbers * math.log(again.after.rows) > -needless:
         return found
     left = residual_structure_of(problem, again.whitener, again.after, seed=seed)
@@ -305,7 +306,7 @@ def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
 
 
 def _share(chosen: Selection, found: Modelled) -> float:
-    """What the structures explain of what was left at first, in power."""
+    """Return the share of the initial residual power that the structures explain."""
     first, bare, after = chosen.before.squares, chosen.after.squares, found.chosen.after.squares
     return min(max((bare - after) / max(first - after, 1e-300), 0.0), 1.0)
 
@@ -315,18 +316,18 @@ def _stated(
 ) -> Unexplained:
     models = tuple(_models(problem, found.chosen, found.structures, _explained(rest, found.left)))
     coordinates = (found.structures[0].word, *found.ties)
-    says = " ".join(one.says for one in models)
+    sentence = " ".join(one.says for one in models)
     if found.ties:
         others = " or ".join(PHRASES.get(word, word) for word in found.ties)
-        says += f" This recording does not separate it from a dependence on {others}."
-    says += " No known effect accounts for it."
+        sentence += f" This recording does not separate it from a dependence on {others}."
+    sentence += " No known effect accounts for it."
     if found.left.significant:
-        says += f" A residual remains beside it. {found.left.says}"
-    return Unexplained(significant=True, share=share, coordinates=coordinates, says=says, models=models)
+        sentence += f" A residual remains beside it. {found.left.says}"
+    return Unexplained(significant=True, share=share, coordinates=coordinates, says=sentence, models=models)
 
 
 def _of_noise(noisy: NoiseFound, unexplained: Unexplained) -> Unexplained:
-    """What is unexplained with noise that depends on something as its last model."""
+    """Return the report with a structure of the noise as its last model."""
     effect = noisy.structure
     model = StructureModel(
         identifier=effect.identifier,
@@ -347,8 +348,8 @@ def _of_noise(noisy: NoiseFound, unexplained: Unexplained) -> Unexplained:
             says=f"{effect.says()} No known effect accounts for it.",
             models=(model,),
         )
-    says = f"{unexplained.says} {effect.says()}"
-    return replace(unexplained, says=says, models=(*unexplained.models, model) if unexplained.models else ())
+    sentence = f"{unexplained.says} {effect.says()}"
+    return replace(unexplained, says=sentence, models=(*unexplained.models, model) if unexplained.models else ())
 
 
 def _explained(before: ResidualStructure, after: ResidualStructure) -> float:
@@ -360,7 +361,7 @@ def _explained(before: ResidualStructure, after: ResidualStructure) -> float:
 def _models(
     problem: Structurable | ChamberProblem, chosen: Selection, structures: Sequence[Structure], explains: float
 ) -> Iterator[StructureModel]:
-    """The structures of a selection, those that were found first before others."""
+    """Yield the models of the structures of a selection, in the order in which they were found."""
     kinds = list(dict.fromkeys(one.identifier for one in structures))
     models = [
         (kinds.index(effect.identifier), key, effect, parameters)
@@ -383,7 +384,7 @@ def _models(
 
 
 def _with_edges(effect: Structure, parameters: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
-    """Estimates in which a place is not known better than half the width of the change there; an end is as stated."""
+    """Return estimates with places uncertain by at least half the width of the change, and exact range ends."""
     half = 0.5 * effect.values["width"] if effect.is_stepped else 0.0
     ends = {name: effect.values[name] for name, one in effect.parameters.items() if one.role == "assumed"}
     parameters = {**parameters, **{name: replace(parameters[name], low=end, high=end) for name, end in ends.items()}}
@@ -416,7 +417,7 @@ _FEWEST = 10
 
 
 def curve_of(problem: Structurable, chosen: Selection, key: str) -> Curve | None:
-    """What is drawn of a structure of a selection; None of one that is no function of the present alone."""
+    """Return the curve of a structure for a plot; None if it has a memory or its coordinate does not vary."""
     after = chosen.after
     place = keys_of(after.point.effects).index(key)
     effect = after.point.effects[place]
@@ -440,14 +441,14 @@ def curve_of(problem: Structurable, chosen: Selection, key: str) -> Curve | None
         return np.asarray(np.bincount(bins, values, minlength=_BINS), dtype=np.float64)
 
     power, count = summed(factor**2), np.bincount(bins, minlength=_BINS)
-    seen = (count >= _FEWEST) & (power > 1e-6 * float(power.max()))
-    power = power[seen]
-    left = summed(factor * residual)[seen] / power
+    filled = (count >= _FEWEST) & (power > 1e-6 * float(power.max()))
+    power = power[filled]
+    left = summed(factor * residual)[filled] / power
     along = np.linspace(*span, _POINTS)
     fitted, error = effect.value_at(along), _error(problem, chosen, place, effect, along)
     return Curve(
-        place=summed(x)[seen] / count[seen],
-        asked=left + summed(factor**2 * effect.value_at(x))[seen] / power,
+        place=summed(x)[filled] / count[filled],
+        asked=left + summed(factor**2 * effect.value_at(x))[filled] / power,
         left=left,
         error=chosen.white_deviation / np.sqrt(power),
         along=along,
@@ -458,7 +459,7 @@ def curve_of(problem: Structurable, chosen: Selection, key: str) -> Curve | None
 
 
 def _error(problem: Structurable, chosen: Selection, place: int, effect: Structure, along: FloatArray) -> FloatArray:
-    """Standard error of the function at places (k,), by the covariance of the structure's numbers."""
+    """Return the standard error of the function at places (k,), from the covariance of the structure's parameters."""
     after = chosen.after
     mine = [i for i, one in enumerate(after.numbers) if one.effect == place]
     if not mine:

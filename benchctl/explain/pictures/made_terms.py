@@ -21,7 +21,7 @@ def convention() -> Sketch:
     indicated = np.sin(_S * true) / _S
     return one_panel(
         "Convention: response or correction",
-        "One gyro, S = 0.0045 rad/(°/s). A response says what comes out, a correction what to multiply it by.",
+        "One gyro, S = 0.0045 rad/(°/s). A response gives the output, a correction the factor to multiply it by.",
         SketchedCurve(x=true, y=indicated / true, look="on", label="response: (U − U0)/K0 = k·ω"),
         SketchedCurve(x=indicated, y=true / indicated, look="third", label="correction: ω = k·(U − U0)/K0"),
         SketchedCurve(x=true, y=np.ones(true.size), look="off"),

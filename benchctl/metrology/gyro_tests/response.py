@@ -53,7 +53,7 @@ def response_tests(obs: Observations) -> Iterator[Measured]:
         yield from (refused(name, message("needs_sines", found=frequencies.size, needed=_FEWEST)) for name in _NAMES)
         return
     quantities = [
-        single("static curve", _curve_misfit(obs, swings), "what the curve through the sweep leaves", kind="A"),
+        single("static curve", _curve_misfit(obs, swings), "residual of the curve through the sweep", kind="A"),
         Quantity(name="gain", root=np.diag(gains * standard), kind="A", note="scatter of the samples of a swing"),
         Quantity(name="phase", root=np.diag(standard), kind="A", note="scatter of the samples of a swing"),
     ]

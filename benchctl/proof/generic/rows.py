@@ -63,7 +63,7 @@ def rows_of(recording: Recording) -> Rows:
     stated = recording.meta.simulation
     if stated is None:
         raise UsageError(
-            f"{recording.path}: its lab states no model, and a regression needs one to begin with; say --no-generic"
+            f"{recording.path}: its lab states no model, and a regression needs one as a start; pass --no-generic"
         )
     steps = [step for step in recording.steps() if all(name in step.channels for name in _NEEDED)]
     parts = [_averaged(step) for step in steps]

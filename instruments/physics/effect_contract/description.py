@@ -28,7 +28,7 @@ def faults_in(kind: Any, identifier: str) -> Iterator[str]:
         return
     missing = [name for name in ("identifier", *_SAID, "look_alikes", "parameters") if not hasattr(kind, name)]
     if missing:
-        yield f"{kind.__name__} does not say its {', '.join(missing)}"
+        yield f"{kind.__name__} does not define {', '.join(missing)}"
         return
     yield from _wrong_words(kind, identifier)
     yield from _wrong_parameters(kind)

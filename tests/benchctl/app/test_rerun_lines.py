@@ -47,7 +47,7 @@ def test_every_group_says_that_it_is_the_same() -> None:
     assert told[0] == "first        first.h5: static, 2026-11-20T18:00:00+00:00, complete, unit G1"
     groups = ("procedure", "parameters", "bench.toml", "instruments", "software", "operator")
     assert told[1:7] == [f"{group:13}the same" for group in groups]
-    assert told[7] == "acceptance   none lies beside the first run"
+    assert told[7] == "acceptance   there is none next to the first run"
 
 
 def test_a_test_is_a_line_and_what_differs_is_named_again() -> None:

@@ -44,7 +44,7 @@ def test_where_nobody_is_a_plan_that_needs_somebody_is_refused_before_anything_m
 
 def test_hands_that_are_not_there_do_nothing() -> None:
     for act in (lambda: NoHands().power(False, lambda: None), lambda: NoHands().mount("across", lambda: None)):
-        with pytest.raises(SafetyError, match="nobody is there"):
+        with pytest.raises(SafetyError, match="by an operator; run it at a terminal"):
             act()
 
 
@@ -120,7 +120,7 @@ def test_a_terminal_that_goes_away_is_no_answer(monkeypatch: pytest.MonkeyPatch)
     with terminal(monkeypatch) as ours:
         hanging_up = threading.Thread(target=lambda: (_read_until(ours, b"Enter."), os.close(ours)))
         hanging_up.start()
-        with pytest.raises(SafetyError, match=r"switch the supply of unit VG-7 on; the terminal went away before"):
+        with pytest.raises(SafetyError, match=r"switch the supply of unit VG-7 on; the terminal was closed before"):
             OperatorHands("VG-7").power(True, lambda: time.sleep(0.01))
         hanging_up.join()
 

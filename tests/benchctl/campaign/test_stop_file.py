@@ -49,7 +49,7 @@ def test_nobody_is_stopped_where_nobody_asks(stop: StopRequest) -> None:
 
 
 def test_a_run_that_has_ended_cannot_be_asked_and_nothing_is_written(tmp_path: Path) -> None:
-    with pytest.raises(NotRunningError, match="nobody runs it any more; there is nothing to stop"):
+    with pytest.raises(NotRunningError, match="it is not running; there is nothing to stop"):
         ask_by_file(tmp_path, "operator")
     assert list(tmp_path.iterdir()) == []
 

@@ -37,4 +37,4 @@ def test_they_are_no_problem_for_a_bench_and_take_what_a_step_takes_on_the_disk(
 
 def test_the_timeline_names_them() -> None:
     (line,) = timeline_lines(PLAN, BENCH.limits, 23.0)
-    assert line.endswith("1 at constant rate to 60 deg/s, 1 powered off and on, 1 mounted by hand")
+    assert line.endswith("1 at constant rate to 60 deg/s, 1 powered off and on, 1 mounted by an operator")

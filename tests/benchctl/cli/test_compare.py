@@ -81,7 +81,7 @@ def test_a_recording_is_not_compared_with_itself(capsys: pytest.CaptureFixture[s
     write_moving(Path("real.h5"))
     Path("copy.h5").write_bytes(Path("real.h5").read_bytes())
     assert compare("real.h5", "copy.h5") == 2
-    assert "the samples are the same" in capsys.readouterr().err
+    assert "the samples are identical" in capsys.readouterr().err
     assert sorted(path.name for path in Path().iterdir()) == ["copy.h5", "real.h5"]
 
 

@@ -131,7 +131,7 @@ def test_of_a_campaign_that_ended_early_it_says_what_is_left(lab: Path, capsys: 
     assert run_verb(["run", "turns.py", "--bench", "simulated", "--resume", "c", "--quiet"]) == 0
     capsys.readouterr()
     assert run_verb(["run", "turns.py", "--bench", "simulated", "--resume", "c", "--dry-run"]) == 0
-    assert "all 5 steps are whole; it would be closed, and nothing would move" in capsys.readouterr().out
+    assert "all 5 steps are complete; it would be closed, and nothing would move" in capsys.readouterr().out
 
 
 def test_again_it_says_what_would_be_run_again(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:

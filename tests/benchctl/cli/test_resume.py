@@ -71,7 +71,7 @@ def test_without_a_terminal_nothing_moves_unless_yes_is_said(crashed: Path) -> N
     refused = _run(crashed, *RESUME)
     assert refused.returncode == 2
     assert "2 of 4 steps are whole; step 3, rate +90, is next on simulated bench" in refused.stderr
-    assert "say --yes" in refused.stderr
+    assert "pass --yes" in refused.stderr
     assert len(refused.stderr.strip().splitlines()) == 1
 
 
@@ -127,7 +127,7 @@ def test_killed_again_and_resumed_it_ends_complete_and_a_complete_one_is_left_al
     before = (crashed / "c" / "recording.h5").read_bytes()
     again = _run(crashed, *RESUME, "--json", "again.json")
     assert again.returncode == 0, again.stderr
-    assert "complete: 4 of 4 steps whole" in again.stdout
+    assert "complete: 4 of 4 steps complete" in again.stdout
     told_again = json.loads((crashed / "again.json").read_text())
     assert {key: told_again[key] for key in ("status", "steps", "samples", "recording")} == {
         key: told[key] for key in ("status", "steps", "samples", "recording")

@@ -97,7 +97,7 @@ FAULTS = {
     "no channels": ("[time]\nrate_hz = 1\n[channels]\n", "channels: name at least one channel"),
     "no time": ('[channels.gyro_v]\ncolumn = 1\nunit = "V"\n', r"say [time] and [channels.…]"),
     "two times": ("[time]\nrate_hz = 1\ncolumn = 1\n", "time: say either column"),
-    "points and samples": (MAP_EXAMPLE_POINTS + "[time]\nrate_hz = 1\n", "[points] stands alone"),
+    "points and samples": (MAP_EXAMPLE_POINTS + "[time]\nrate_hz = 1\n", "[points] excludes other tables"),
     "an unknown policy": (
         MAP_EXAMPLE_MAT.replace('"repair"', '"guess"'),
         "time.stamps: expected 'refuse', 'repair'",

@@ -77,7 +77,7 @@ def test_what_is_read_is_the_coefficient_to_within_its_uncertainty(html, campaig
 
 
 def test_the_headline_says_the_path_of_the_error_and_on_what_it_was_measured(page):
-    assert "On 10 runs that no fit has seen at −29.5 to 54.7 °C and up to 165 °/s" in page.words
+    assert "On 10 runs that were held out at −29.5 to 54.7 °C and up to 165 °/s" in page.words
     assert "falls from 8.6 % with one straight line to 0.57 % after stage 1, 0.18 % after stage 2" in page.words
     assert "and 0.0067 % with the joint fit" in page.words
 
@@ -129,7 +129,7 @@ def test_cut_steps_and_gaps_are_said_at_the_top(campaign, no_figures):
     result, infos = campaign
     lossy = [dataclasses.replace(infos[0], whole=False), dataclasses.replace(infos[1], gaps=3), *infos[2:]]
     page = Page(calibration_page(result, meta(), lossy, digest=DIGEST))
-    assert "step 1 (static 1) is not whole; step 2 (constant_rate 2): 3 gaps in the stream" in page.words
+    assert "step 1 (static 1) is not complete; step 2 (constant_rate 2): 3 gaps in the stream" in page.words
 
 
 def test_without_runs_kept_aside_no_error_is_claimed(no_figures):

@@ -167,7 +167,7 @@ def test_a_controller_that_does_not_do_what_it_said_ok_to_is_found_out(
 ) -> None:
     monkeypatch.setattr(machine, "set_setpoint", lambda setpoint_c: None)
     with pytest.raises(
-        InstrumentError, match=r"told set point -5 °C, said OK, and still reads set point 20 °C after 2 s; check that"
+        InstrumentError, match=r"acknowledged set point -5 °C, and still reads set point 20 °C after 2 s; check that"
     ):
         chamber.go_to(-5.0)
 

@@ -194,13 +194,13 @@ def test_a_chamber_that_never_gets_ready_is_given_up_after_the_stated_time() -> 
         ({"MODE?": b"NA\r\n"}, EspecP300.start, r"'MODE\?' was refused with 'NA': see the chamber's manual"),
         ({"MODE?": b"ASLEEP\r\n"}, EspecP300.start, "expected a mode, got 'ASLEEP'"),
         ({"MODE?": b"RMT RUN\r\n"}, EspecP300.start, "it runs a program"),
-        ({}, EspecP300.start, "told CONSTANT, said OK, and still reads STANDBY after 2 s"),
+        ({}, EspecP300.start, "acknowledged CONSTANT, and still reads STANDBY after 2 s"),
         ({"MODE,CONSTANT": b"FINE\r\n"}, EspecP300.start, "sent 'MODE,CONSTANT', expected OK, got 'FINE'"),
-        ({}, lambda chamber: chamber.go_to(20.0), "told set point 20 °C, said OK, and still reads set point 50 °C"),
+        ({}, lambda chamber: chamber.go_to(20.0), "acknowledged set point 20 °C, and still reads set point 50 °C"),
         (
             {"TEMP, S50.0 H85.0 L-55.0": b"OK\r\n"},
             lambda chamber: chamber.set_limits(-55.0, 85.0),
-            "low alarm -55 °C, said OK, and still reads set point 50 °C, high alarm 185 °C, low alarm -90 °C",
+            "low alarm -55 °C, and still reads set point 50 °C, high alarm 185 °C, low alarm -90 °C",
         ),
     ],
 )

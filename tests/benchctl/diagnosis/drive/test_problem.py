@@ -210,7 +210,7 @@ def test_a_torque_in_another_unit_than_its_name_is_refused() -> None:
     ("model", "says"),
     [
         ({"inertia": 1.0}, r"\[drive\] inertia: no such field"),
-        ({"inertia_kg_m2": 1.0}, r"\[drive\] viscous_nm_s: this field is needed"),
+        ({"inertia_kg_m2": 1.0}, r"\[drive\] viscous_nm_s: this field is missing"),
         ({"inertia_kg_m2": "1", "viscous_nm_s": 0.1}, r"\[drive\] inertia_kg_m2: expected a finite number"),
     ],
 )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.faults import Faults, faults_in, spikes_in
+from benchctl.diagnosis.faults import FoundFaults, faults_in, spikes_in
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -25,7 +25,7 @@ class Made:
     predicted: FloatArray
     volts: FloatArray
 
-    def faults(self, *, adc_step_v: float = STEP_V, limit_v: float = LIMIT_V) -> Faults:
+    def faults(self, *, adc_step_v: float = STEP_V, limit_v: float = LIMIT_V) -> FoundFaults:
         """What is found in it before any fit."""
         return faults_in(
             volts=self.volts,
@@ -37,7 +37,7 @@ class Made:
             limit_v=limit_v,
         )
 
-    def spikes(self, before: Faults) -> Faults:
+    def spikes(self, before: FoundFaults) -> FoundFaults:
         """What is found in its residual."""
         return spikes_in(residual=self.volts - self.predicted, usable=~before.standing, step_v=before.step_v, sudden=())
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.faults import Fault, Faults, spikes_in
+from benchctl.diagnosis.faults import Fault, FoundFaults, spikes_in
 from tests.benchctl.diagnosis.faults.made import INTERVAL_S, STEP_V, BoolArray, FloatArray, made
 
 ROWS = 300_000
 
 
-def searched(residual: FloatArray, usable: BoolArray | None = None, sudden: BoolArray | None = None) -> Faults:
+def searched(residual: FloatArray, usable: BoolArray | None = None, sudden: BoolArray | None = None) -> FoundFaults:
     """Where nothing is said of them, all rows are usable and none is of a sudden motion."""
     all_rows = np.ones(residual.size, np.bool_)
     return spikes_in(

@@ -108,5 +108,5 @@ def test_the_sentence_is_what_the_findings_say_and_what_is_left() -> None:
 
 
 def test_where_nothing_is_missing_the_sentence_says_whether_parameters_moved() -> None:
-    assert "recalibrating" in sentence_of("recalibrate", (), NOTHING)
+    assert "recalibrate" in sentence_of("recalibrate", (), NOTHING)
     assert "agrees" in sentence_of("consistent", (), NOTHING)
