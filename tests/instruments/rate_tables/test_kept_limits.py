@@ -19,9 +19,7 @@ def limits() -> KeptLimits:
 
 def test_nothing_moves_before_limits_are_known_but_standing_still_is_allowed(limits: KeptLimits) -> None:
     limits.check_rate(0.0)
-    with pytest.raises(
-        UsageError, match=r"at x: commanded to move before its limits were set.*set_limits\(\)"
-    ):
+    with pytest.raises(UsageError, match=r"at x: commanded to move before its limits were set.*set_limits\(\)"):
         limits.check_rate(0.1)
     with pytest.raises(UsageError, match="before its limits were set"):
         limits.known()
