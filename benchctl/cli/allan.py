@@ -28,7 +28,7 @@ def allan(
             "--rate-hz",
             metavar="R",
             parser=quantity_in("rate_hz"),
-            help="Samples a second of a text file without a time: 100, or 0.1kHz.",
+            help="Sample rate of a text file without a time column: 100, or 0.1kHz.",
         ),
     ] = None,
     step: Annotated[

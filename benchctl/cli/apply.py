@@ -31,11 +31,10 @@ def apply(
     coefficients: Annotated[
         Path, typer.Option("--coefficients", metavar="FILE", help="The coefficients.json that benchctl fit wrote.")
     ],
-    law: Annotated[
-        LawChoice | None, typer.Option("--law", help="Default: that of the joint fit, where there is one.")
-    ] = None,
+    law: Annotated[LawChoice | None, typer.Option("--law", help="Default: the joint fit, if there is one.")] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.h5", help="Default: beside, NAME_compensated.h5.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE.h5", help="Default: NAME_compensated.h5 in the same folder."),
     ] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,

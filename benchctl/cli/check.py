@@ -26,8 +26,8 @@ def check(
     picture: Annotated[
         Path | None, typer.Option("--picture", metavar="FILE", help="Draw the timeline into this SVG or PNG file.")
     ] = None,
-    out: Annotated[Path, out_option("Where the campaign is to land; default: in results/.")] = Path("results"),
-    offline: Annotated[bool, typer.Option("--offline", help="Do not ask the instruments who they are.")] = False,
+    out: Annotated[Path, out_option("Folder of the campaign; default: a new one in results/.")] = Path("results"),
+    offline: Annotated[bool, typer.Option("--offline", help="Do not query the identity of the instruments.")] = False,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:

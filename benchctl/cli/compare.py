@@ -17,7 +17,7 @@ def compare(
         typer.Argument(
             metavar="SIMULATED",
             autocompletion=recordings,
-            help="A simulated recording; alone: a recording that names its model.",
+            help="A simulated recording; or, if alone, a recording with its model.",
         ),
     ],
     real: Annotated[

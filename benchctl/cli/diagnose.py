@@ -32,7 +32,7 @@ def diagnose(
         typer.Option(
             "--write-effect",
             metavar="FILE.py",
-            help="Write a structure that has no name as an effect, named after the file, for you to describe.",
+            help="Write a structure without a name as an effect, named after the file; complete its description.",
         ),
     ] = None,
     settle: Annotated[
@@ -46,7 +46,7 @@ def diagnose(
         ),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="With --settle: say what would be run and how long; run nothing.")
+        bool, typer.Option("--dry-run", help="With --settle: show the run and its duration; execute nothing.")
     ] = False,
     part: Annotated[
         Literal["gyro", "drive", "chamber"],

@@ -29,10 +29,10 @@ def doctor(
             "--bench",
             metavar="BENCH",
             autocompletion=bench_files,
-            help="A bench.toml, whose ports and instruments are checked, too.",
+            help="A bench.toml; its ports and instruments are also checked.",
         ),
     ] = None,
-    out: Annotated[Path, out_option("Where campaigns are to land; default: in results/.")] = Path("results"),
+    out: Annotated[Path, out_option("Folder of the campaigns; default: results/.")] = Path("results"),
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:

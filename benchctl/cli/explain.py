@@ -12,10 +12,10 @@ from benchctl.cli.output import JsonOption, QuietOption, result_of
 
 def explain(
     term: Annotated[
-        list[str] | None, typer.Argument(metavar="[TERM]", help="An effect, a metric or a term, however it is spelt.")
+        list[str] | None, typer.Argument(metavar="[TERM]", help="An effect, a metric or a term, in any spelling.")
     ] = None,
     picture: Annotated[
-        Path | None, typer.Option("--picture", metavar="FILE", help="Draw it too: FILE.svg or FILE.png.")
+        Path | None, typer.Option("--picture", metavar="FILE", help="Also draw a picture: FILE.svg or FILE.png.")
     ] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,

@@ -54,7 +54,9 @@ def export(
     ],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="PATH", help="Where to; default: beside the recording, with an ending."),
+        typer.Option(
+            "--output", "-o", metavar="PATH", help="Output; default: the recording's name with another ending."
+        ),
     ] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,

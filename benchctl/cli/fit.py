@@ -12,9 +12,9 @@ def fit(
     recordings: RecordingsArgument,
     model: Annotated[
         Path | None,
-        toml_option("--model", "A diagnosis' model.toml: its structures without a name are compensated, too."),
+        toml_option("--model", "The model.toml of a diagnosis: its structures are compensated, too."),
     ] = None,
-    out: Annotated[Path | None, out_option("Where to write; default: beside the first recording.")] = None,
+    out: Annotated[Path | None, out_option("Output folder; default: the folder of the first recording.")] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:

@@ -44,7 +44,9 @@ def fleet(
     workers: Annotated[
         int | None, typer.Option("--workers", metavar="N", min=1, help="Processes on this machine; default: its cores.")
     ] = None,
-    out: Annotated[str | None, out_option("For all results, a folder or URL; default: beside each recording.")] = None,
+    out: Annotated[
+        str | None, out_option("Folder or URL of all results; default: the folder of each recording.")
+    ] = None,
     report: Annotated[
         Path | None,
         typer.Option("--report", metavar="DIR", help="For fleet.html and fleet.json; default: --out, or here."),
@@ -58,9 +60,14 @@ def fleet(
         Literal["gyro", "drive", "chamber"], typer.Option(help="diagnose: the part of the bench.")
     ] = "gyro",
     seed: Annotated[
-        int, typer.Option("--seed", metavar="N", min=0, help="diagnose: draws the recordings with nothing missing.")
+        int,
+        typer.Option(
+            "--seed", metavar="N", min=0, help="diagnose: seed of the simulated recordings without missing physics."
+        ),
     ] = 0,
-    again: Annotated[bool, typer.Option("--again", help="Also what is done already and has not changed.")] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Also process what is done already and has not changed.")
+    ] = False,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:

@@ -20,7 +20,7 @@ def history(
         str | None, typer.Option("--figure", metavar="NAME", help="Only this figure, such as K0_v_per_dps.")
     ] = None,
     all_parameters: Annotated[
-        bool, typer.Option("--all-parameters", help="Compare runs of a procedure with other parameters, too.")
+        bool, typer.Option("--all-parameters", help="Also compare runs of a procedure with different parameters.")
     ] = False,
     out: Annotated[Path | None, out_option("For the page; default: the folder.")] = None,
     json_to: JsonOption = None,

@@ -23,7 +23,7 @@ def import_(
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.h5", help="The recording to write.")],
     map_file: Annotated[
-        Path | None, toml_option("--map", "Which column is which: a TOML file, explained below.")
+        Path | None, toml_option("--map", "A TOML file that assigns the columns, explained below.")
     ] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,

@@ -32,7 +32,7 @@ JsonOption = Annotated[
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
 SeedOption = Annotated[
-    int | None, typer.Option("--seed", metavar="N", min=0, help="Draws the simulated bench's noise and errors.")
+    int | None, typer.Option("--seed", metavar="N", min=0, help="Seed of the simulated bench's noise and errors.")
 ]
 BenchOption = Annotated[
     str,
@@ -53,7 +53,7 @@ ParameterOption = Annotated[
         "-p",
         metavar="NAME=VALUE",
         autocompletion=parameters_of,
-        help="A parameter of the procedure; a number may bring a unit: -p soak_s=90min.",
+        help="A parameter of the procedure; a number may have a unit: -p soak_s=90min.",
     ),
 ]
 RecordingArgument = Annotated[

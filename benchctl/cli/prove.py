@@ -19,18 +19,19 @@ _TRIALS_ON = 20
 
 def prove(
     trials: Annotated[
-        int | None, typer.Option("--trials", metavar="N", min=1, help="How many; default: 340, shared out by class.")
+        int | None,
+        typer.Option("--trials", metavar="N", min=1, help="Number of trials; default: 340, divided among the classes."),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the concealed effects.")] = 1,
     only: Annotated[
         list[str] | None, typer.Option("--class", metavar="NAME", help="A class of trials; default: all.")
     ] = None,
-    jobs: Annotated[int, typer.Option("--jobs", metavar="N", min=1, help="Trials that run at once.")] = 2,
+    jobs: Annotated[int, typer.Option("--jobs", metavar="N", min=1, help="Number of trials in parallel.")] = 2,
     generic: Annotated[
         bool | None,
-        typer.Option("--generic/--no-generic", help="A sparse regression (pysindy) beside it; default: if installed."),
+        typer.Option("--generic/--no-generic", help="Also run a sparse regression (pysindy); default: if installed."),
     ] = None,
-    out: Annotated[Path | None, out_option("Where trials are kept; default: results/prove_seed….")] = None,
+    out: Annotated[Path | None, out_option("Folder of the trials; default: results/prove_seed….")] = None,
     on: Annotated[
         Path | None,
         typer.Option("--on", metavar="RECORDING", help="Add drawn effects to this real recording."),

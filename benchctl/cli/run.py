@@ -36,10 +36,10 @@ def run(
     ] = None,
     parameter: ParameterOption = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what would be done, how long, on how much disk; do nothing of it.")
+        bool, typer.Option("--dry-run", help="Show the plan, its duration and disk space; execute nothing.")
     ] = False,
     answers: Annotated[
-        Path | None, toml_option("--answers", "Answers in an operator's place, as TOML: explained below.")
+        Path | None, toml_option("--answers", "Answers to the operator's questions, as TOML: explained below.")
     ] = None,
     again: Annotated[
         Path | None,
@@ -47,10 +47,10 @@ def run(
             "--again",
             metavar="FIRST",
             autocompletion=recordings,
-            help="Run again what made a recording, and compare.",
+            help="Repeat the run of a recording, and compare.",
         ),
     ] = None,
-    limits: Annotated[Path | None, toml_option("--limits", "Judges --again; default: those that judged FIRST.")] = None,
+    limits: Annotated[Path | None, toml_option("--limits", "Limits for --again; default: those of FIRST.")] = None,
     out: Annotated[Path | None, out_option("The campaign's folder; default: a new one in results/.")] = None,
     resume: Annotated[
         Path | None,
@@ -58,10 +58,12 @@ def run(
             "--resume",
             metavar="CAMPAIGN",
             autocompletion=campaigns,
-            help="Go on with a campaign that ended early.",
+            help="Resume a campaign that ended early.",
         ),
     ] = None,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Resume without asking before the table moves.")] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", "-y", help="Resume without confirmation before the table moves.")
+    ] = False,
     seed: SeedOption = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,

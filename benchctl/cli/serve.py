@@ -15,7 +15,9 @@ _EXTRA = frozenset({"fastapi", "starlette", "uvicorn", "websockets", "h11"})
 def serve(
     folder: Annotated[Path, typer.Argument(help="A folder with campaigns anywhere in it.")] = Path("results"),
     port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="Where to listen; 0: any free port.")] = 0,
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Whom to answer: only this machine.")] = "127.0.0.1",
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address to listen on; default: this machine only.")
+    ] = "127.0.0.1",
     read_only: Annotated[bool, typer.Option("--read-only", help="Runs cannot be stopped from the page.")] = False,
 ) -> None:
     """Show running and finished campaigns in a browser; a running campaign can be stopped from the page.

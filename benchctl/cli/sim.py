@@ -15,19 +15,21 @@ if TYPE_CHECKING:
 
 def sim(
     bench: BenchOption,
-    speed: Annotated[float, typer.Option("--speed", metavar="X", min=0.01, help="Bench seconds a wall second.")] = 1.0,
+    speed: Annotated[
+        float, typer.Option("--speed", metavar="X", min=0.01, help="Simulated seconds per second of real time.")
+    ] = 1.0,
     pace_baud: Annotated[
         int | None,
         typer.Option(
             "--pace-baud",
             metavar="BAUD",
             min=300,
-            help="Let the chamber's bytes leave as a line at that baud would let them.",
+            help="Send the chamber's bytes at the speed of a serial line of this baud rate.",
         ),
     ] = None,
     write_bench: Annotated[
         Path | None,
-        typer.Option("--write-bench", metavar="FILE", help="Write a bench.toml that reaches these servers."),
+        typer.Option("--write-bench", metavar="FILE", help="Write a bench.toml with the addresses of these servers."),
     ] = None,
     seed: SeedOption = None,
     json_to: JsonOption = None,
