@@ -1,4 +1,4 @@
-"""The pipelines of the README, taken out of it and run: what a CI engineer pastes works as it stands."""
+"""The pipelines of the handbook page on CI, taken out of it and run: what a CI engineer pastes works as it stands."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ pytestmark = [
 ]
 
 CHECKOUT = Path(__file__).parents[1]
-FENCES = re.findall(r"^```yaml\n(.*?)^```", (CHECKOUT / "README.md").read_text(encoding="utf-8"), re.M | re.S)
+FENCES = re.findall(
+    r"^```yaml\n(.*?)^```", (CHECKOUT / "benchctl/handbook/ci.md").read_text(encoding="utf-8"), re.M | re.S
+)
 
 QUICK = '''
 from benchctl.plan import Soak, procedure, rates_between_zeros
@@ -39,7 +41,7 @@ LIMIT = '[limits.scale_factor]\nlow = {low}\nhigh = 60.0\nunit = "mV/(deg/s)"\n'
 
 
 def documents() -> list[dict[str, Any]]:
-    """Every YAML of the README; one that does not parse fails here."""
+    """Every YAML of the handbook page; one that does not parse fails here."""
     return [yaml.safe_load(text) for text in FENCES]
 
 

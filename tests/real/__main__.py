@@ -1,4 +1,4 @@
-"""What `benchctl diagnose` says of the real recordings, as the README's table: `python -m tests.real [NAME …]`.
+"""What `benchctl diagnose` says of the real recordings, as the table of results/diagnosis.md: `python -m tests.real [NAME …]`.
 
 One diagnosis each, by no model file, beside the quick fit of whoever looked at the recording before.
 """
