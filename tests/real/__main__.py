@@ -1,6 +1,6 @@
-"""What `benchctl diagnose` says of the real recordings, as the table of results/diagnosis.md: `python -m tests.real [NAME …]`.
+"""Diagnose the real recordings and print the table of `results/diagnosis.md`: `python -m tests.real [NAME …]`.
 
-One diagnosis each, by no model file, beside the quick fit of whoever looked at the recording before.
+Each recording is diagnosed without a model file; the table also shows an expert's quick fit.
 """
 
 from __future__ import annotations
