@@ -235,6 +235,7 @@ WRONG = {
     "compare: one alone": ["compare", "a.h5"],
     "apply: no coefficients": ["apply", "a.h5", "--coefficients", "brace.json"],
     "explain: no term": ["explain", "nothing_of_that_name"],
+    "help: no topic": ["help", "nothing_of_that_name"],
     "accept: no limits": ["accept", "a.h5", "--limits", "nowhere.toml"],
     "accept: a limit of nothing": ["accept", "a.h5", "--limits", "limits.toml"],
     "verify: no file": ["verify", "nowhere.h5"],

@@ -23,6 +23,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "compare": "differences between a recording and its simulations",
         "apply": "compensate a recording by coefficients",
         "explain": "an effect, a metric or a term: words, equation, sources",
+        "help": "a page of the handbook",
     },
     "For quality assurance": {
         "accept": "the tests of a gyro with limits: verdicts, report, JUnit",
