@@ -61,7 +61,7 @@ def test_its_procedure_is_listed_and_runs_on_its_chamber_over_the_wire(python: P
     change(tmp_path / "lab" / "bench.toml", chamber={"model": "frostline_fl20"})
     quick = ("-p", "soak_s=120", "-p", "run_s=2", "--out", "campaign", "--json", "run.json")
     said = benchctl(python, tmp_path, "run", "rectification", "--bench", "lab/bench.toml", *quick)
-    assert "complete: 8 of 8 steps whole" in said
+    assert "complete: 8 of 8 steps complete" in said
     shown = json.loads(benchctl(python, tmp_path, "show", "campaign", "--json", "-"))
     assert json.loads(shown["provenance"]["instruments"])["chamber"]["manufacturer"] == "Frostline"
     assert shown["provenance"]["instruments_reached"] == "simulated, over their wires"
