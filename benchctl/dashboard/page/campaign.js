@@ -101,7 +101,7 @@ function inOneLine(campaign) {
     .filter(Boolean)
     .join(" · ");
   const whole = count(campaign.steps_whole);
-  const steps = campaign.steps_planned ? `${whole} of ${count(campaign.steps_planned)} steps whole` : `${whole} steps`;
+  const steps = campaign.steps_planned ? `${whole} of ${count(campaign.steps_planned)} steps complete` : `${whole} steps`;
   const much = ` · ${steps} · ${count(campaign.samples)} samples · ${duration(campaign.duration_s)}`;
   return [told, " · ", moment(campaign.started_utc), campaign.status !== "running" && much];
 }
