@@ -55,7 +55,10 @@ def verb(folder: Path, *arguments: str) -> dict[str, Any]:
 def stable(value: Any, folder: Path) -> Any:
     """A result without what differs from run to run: times of day, versions, digests, folders."""
     if isinstance(value, Mapping):
-        return {str(key): stable(one, folder) for key, one in value.items() if not VOLATILE.search(str(key))}
+        kept = {str(key): one for key, one in value.items() if not VOLATILE.search(str(key))}
+        if isinstance(kept.get("steps"), list):
+            kept["steps"] = columns(kept["steps"])
+        return {key: stable(one, folder) for key, one in kept.items()}
     if isinstance(value, list):
         numbers = [one for one in value if isinstance(one, float | int)]
         if len(value) > LONGEST and len(numbers) == len(value):
@@ -63,6 +66,14 @@ def stable(value: Any, folder: Path) -> Any:
             return {"count": len(numbers), "mean": mean, "rms": math.sqrt(power)}
         return [stable(one, folder) for one in value]
     return value.replace(f"{folder}/", "").replace(f"{SHARED}/", "") if isinstance(value, str) else value
+
+
+def columns(steps: list[Any]) -> Any:
+    """The numbers of many steps by their names; a list of anything else as it is."""
+    if not all(isinstance(step, Mapping) for step in steps):
+        return steps
+    names = sorted({name for step in steps for name, one in step.items() if isinstance(one, float | int)})
+    return {name: [step[name] for step in steps if isinstance(step.get(name), float | int)] for name in names}
 
 
 def differences(stored: Any, now: Any, where: str = "") -> Iterator[str]:
