@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from benchctl.diagnosis.comparison.pairing import with_predictions, with_recording
-from benchctl.diagnosis.comparison.parting import Parting, part
+from benchctl.diagnosis.comparison.parting import ComparedStep, Parting, part
 from benchctl.diagnosis.gyro.frame import frame_of
 from benchctl.diagnosis.gyro.limits import not_all_rows
 from benchctl.diagnosis.gyro.predicted import predict
 from benchctl.limits import require_memory
 from benchctl.model_file import read_model
 from benchctl.recordings.model import Meta, StepInfo
-from benchctl.recordings.reader import open_recording
+from benchctl.recordings.reader import Recording, open_recording
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports import text
 from benchctl.reports.comparison_page import comparison_page, sentence
@@ -59,15 +59,7 @@ def compare_recordings(simulated: Path, real: Path) -> Compared:
             *alone[:_MOST_ALONE],
             *([f"and {len(alone) - _MOST_ALONE} more"] if len(alone) > _MOST_ALONE else []),
         ]
-        return Compared(
-            parting=part(steps),
-            recording=name_of(real),
-            meta=ours.meta,
-            infos=ours.infos,
-            digest=source_digest(ours),
-            unit=text.unit_text(ours.meta.output_unit),
-            remarks=(_OVERLAID, *remarks),
-        )
+        return _compared(ours, name_of(real), steps, (_OVERLAID, *remarks))
 
 
 def compare_with_models(path: Path, model: Path | None) -> Compared:
@@ -90,15 +82,19 @@ def compare_with_models(path: Path, model: Path | None) -> Compared:
         predicted = {name: predict(recording, one) for name, one in models.items()}
         frame = next(iter(predicted.values()))[0]
         steps = with_predictions(frame, {name: volts for name, (_, volts) in predicted.items()})
-        return Compared(
-            parting=part(steps),
-            recording=name_of(path),
-            meta=recording.meta,
-            infos=recording.infos,
-            digest=source_digest(recording),
-            unit=text.unit_text(recording.meta.output_unit),
-            remarks=not_all_rows(frame),
-        )
+        return _compared(recording, name_of(path), steps, not_all_rows(frame))
+
+
+def _compared(recording: Recording, name: str, steps: Sequence[ComparedStep], remarks: tuple[str, ...]) -> Compared:
+    return Compared(
+        parting=part(steps),
+        recording=name,
+        meta=recording.meta,
+        infos=recording.infos,
+        digest=source_digest(recording),
+        unit=text.unit_text(recording.meta.output_unit),
+        remarks=remarks,
+    )
 
 
 def values(compared: Compared) -> dict[str, Any]:

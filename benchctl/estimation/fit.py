@@ -302,12 +302,12 @@ def _derivatives(
     point: Point,
     numbers: tuple[Free, ...],
     predicted: FloatArray,
-    beside: FloatArray,
+    spectrum: FloatArray,
     near: Fit | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the derivatives by all parameters, of the prediction, shape (n, p), and of the spectrum, shape (w, p)."""
     derivatives = np.empty((predicted.size, len(numbers)), order="F")
-    turned = np.empty((beside.size, len(numbers)))
+    turned = np.empty((spectrum.size, len(numbers)))
     known = 0
     if near is not None:
         known = len(near.numbers)
@@ -327,7 +327,7 @@ def _derivatives(
         column = derivatives[:, i]
         np.subtract(problem.predict(other.baseline, other.effects), predicted, out=column)
         column /= nudge
-        turned[:, i] = (beside - problem.spectral_residual(other.baseline, other.effects)) / nudge
+        turned[:, i] = (spectrum - problem.spectral_residual(other.baseline, other.effects)) / nudge
 
     do_all(fill, range(known, len(numbers)))
     return derivatives, turned

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, make_dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
@@ -173,6 +173,20 @@ def lagged(
         value += (x_kept - value + (y_kept - x_kept) * left) * left
     y, _ = scipy.signal.lfilter([share], [1.0, share - 1.0], x, zi=[(1.0 - share) * value])
     return y, np.array([time_s[-1] + interval_s, y[-1], x[-1]])
+
+
+def lagged_in_parts(
+    x: FloatArray, time_s: FloatArray, parts: Iterable[tuple[slice, float, float]], tau_s: float
+) -> FloatArray:
+    """Return the first-order lag of x, shape (n,), through all pauses; each recording starts anew.
+
+    Each part has its rows, its interval [s], and the time [s] at which its recording began; the parts cover all rows.
+    """
+    y, kept, begun_s = np.empty_like(x), None, math.nan
+    for rows, interval_s, origin_s in parts:
+        y[rows], kept = lagged(x[rows], time_s[rows], interval_s, tau_s, kept if origin_s == begun_s else None)
+        begun_s = origin_s
+    return y
 
 
 def pushed(

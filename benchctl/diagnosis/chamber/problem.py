@@ -238,23 +238,23 @@ class ChamberProblem(MadeOfRows):
         """Standard deviation [K] of the thermometer's rounding."""
         return self.rows.step_c / math.sqrt(12.0 * self.rows.block)
 
-    def _with_losses(self, run: slice, told: Mapping[str, float], effects: Sequence[Any]) -> ChamberSignals:
+    def _with_losses(self, run: slice, numbers: Mapping[str, float], effects: Sequence[Any]) -> ChamberSignals:
         """Return the signals of a run with the changes of its losses by effects."""
-        signals = self._signals(run, told)
+        signals = self._signals(run, numbers)
         for effect in effects:
             if effect.stage == "loss":
                 signals = effect.apply(signals)
         return signals
 
-    def _signals(self, run: slice, told: Mapping[str, float]) -> ChamberSignals:
+    def _signals(self, run: slice, numbers: Mapping[str, float]) -> ChamberSignals:
         rows = self.rows
         size = run.stop - run.start
         drive, room = rows.drive[run], rows.room_c[run]
         if rows.kind == "setpoint":
             room = np.zeros(size)
-            drive = drive + told["offset_c"]
-        elif "ambient_c" in told:
-            room = np.full(size, told["ambient_c"])
+            drive = drive + numbers["offset_c"]
+        elif "ambient_c" in numbers:
+            room = np.full(size, numbers["ambient_c"])
         return ChamberSignals(
             time_s=rows.run_s[run],
             interval_s=rows.interval_s,

@@ -14,7 +14,7 @@ import numpy as np
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.chain import Signals
-from benchctl_instruments.physics.structures import lagged
+from benchctl_instruments.physics.structures import lagged_in_parts
 
 PAUSE = -1
 """The `first_index` of a pause."""
@@ -90,13 +90,8 @@ class Stacked:
 
     def lagged(self, values: FloatArray, time_s: FloatArray, tau_s: float) -> FloatArray:
         """Return the first-order lag of the values of all rows (n,), through all pauses; each recording starts anew."""
-        lagging, kept, origin_s = np.empty_like(values), None, np.nan
-        for part in self.parts:
-            rows = part.rows
-            kept = kept if part.origin_s == origin_s else None
-            lagging[rows], kept = lagged(values[rows], time_s[rows], part.interval_s, tau_s, kept)
-            origin_s = part.origin_s
-        return lagging
+        parts = ((part.rows, part.interval_s, part.origin_s) for part in self.parts)
+        return lagged_in_parts(values, time_s, parts, tau_s)
 
 
 def stacked(frame: Frame) -> tuple[Stacked, Signals]:

@@ -28,7 +28,7 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.thermal_hysteresis import play
 from benchctl_instruments.physics.structure_places import CHAMBER_C, OVER, Span, StructureStage, last_sign
 from benchctl_instruments.physics.structure_shapes import SHAPES
-from benchctl_instruments.physics.structures import Structure, lagged, structure
+from benchctl_instruments.physics.structures import Structure, lagged_in_parts, structure
 
 Structurable = GyroProblem | DriveProblem
 """Problems of the parts of the bench in which structures are searched."""
@@ -242,12 +242,12 @@ def everywhere(alongs: Sequence[Along]) -> Iterator[Begun]:
         yield from _best(shape, list(_grid(over, shape, span)), sought)
     for one in alongs:
         stage, _, times = one.place
-        if not times and (over in ("time", "gyro_temp") or (stage, over) == ("torque", "angle")):
+        if times:
+            continue
+        if over in ("time", "gyro_temp") or (stage, over) == ("torque", "angle"):
             yield from one.two_steps()
-        if not times and over == "time" and one.information.ndim == 1:
-            yield from one.bursts()
-        elif not times and over == "time":
-            yield from _best("bursts", list(_cycles(span)), [one])
+        if over == "time":
+            yield from one.bursts() if one.information.ndim == 1 else _best("bursts", list(_cycles(span)), [one])
 
 
 def _best(shape: str, places: Sequence[Mapping[str, float]], alongs: Sequence[Along]) -> Iterator[Begun]:
@@ -482,14 +482,9 @@ def _remembered(
 
 def _lag(problem: GyroProblem, values: FloatArray, tau_s: float) -> FloatArray:
     """Return the first-order lag of values, shape (n,), through all pauses; each recording starts anew."""
-    time_s, parts = problem.time_s, []
-    kept, begun_s = None, math.nan
-    for part, origin_s in zip(problem.stretches, problem.frame.origins_s, strict=True):
-        kept = kept if origin_s == begun_s else None
-        y, kept = lagged(values[part], time_s[part], problem.interval_s, tau_s, kept)
-        begun_s = origin_s
-        parts.append(y)
-    return np.concatenate(parts)
+    begun = zip(problem.stretches, problem.frame.origins_s, strict=True)
+    parts = ((rows, problem.interval_s, origin_s) for rows, origin_s in begun)
+    return lagged_in_parts(values, problem.time_s, parts, tau_s)
 
 
 def _held(values: FloatArray, half_width: float) -> FloatArray:

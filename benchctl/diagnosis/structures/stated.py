@@ -37,7 +37,7 @@ from benchctl.estimation.fit import gain_of
 from benchctl.estimation.problem import Problem
 from benchctl.signals.binning import bin_of
 from benchctl.signals.normal import Z95
-from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.effects.registry import effects
 from benchctl_instruments.physics.structure_places import ACTS, PHRASES
 from benchctl_instruments.physics.structure_shapes import SHAPES
@@ -239,9 +239,7 @@ def _where_direction_is_known(
     rows = rows if problem.band is None else rows[problem.band.rows]
     if not rows.any():
         return None
-    known = leaving_out(problem, chosen, rows)
-    rest = residual_structure_of(problem, known.whitener, known.after, seed=seed)
-    extended = modelled(problem, known, rest, most=1, seed=seed)
+    known, extended = _modelled_without(problem, chosen, rows, most=1, seed=seed)
     if extended is not None and _of_last_direction(extended):
         return known, extended
     instead = instead_of_names(problem, known, left=True, seed=seed)
@@ -262,12 +260,19 @@ def _between_ramps(
     ends_s = time_s[1:][np.diff(way) != 0.0]
     nearest = np.clip(np.searchsorted(ends_s, time_s), 1, ends_s.size - 1)
     rows = np.minimum(np.abs(time_s - ends_s[nearest - 1]), np.abs(time_s - ends_s[nearest])) < _RAMP_ENDS_S
-    known = leaving_out(problem, found[0], rows)
-    rest = residual_structure_of(problem, known.whitener, known.after, seed=seed)
-    again = modelled(problem, known, rest, seed=seed)
+    known, again = _modelled_without(problem, found[0], rows, seed=seed)
     if again is None or again.structures[0].over != "setpoint" or len(again.structures) > len(found[1].structures):
         return None
     return known, again
+
+
+def _modelled_without(
+    problem: GyroProblem, chosen: Selection, rows: BoolArray, *, most: int = 3, seed: int
+) -> tuple[Selection, Modelled | None]:
+    """Return the selection refitted without some rows, shape (n,), and the model of its residual."""
+    known = leaving_out(problem, chosen, rows)
+    rest = residual_structure_of(problem, known.whitener, known.after, seed=seed)
+    return known, modelled(problem, known, rest, most=most, seed=seed)
 
 
 def _of_last_direction(found: Modelled) -> bool:
