@@ -296,9 +296,11 @@ def _parameters(stage: StructureStage, over: str, shape: str, span: Span, times:
             scan=(1e-6 / reach**power,),
             zero=0.0,
         )
+    # a burst may have begun before the range
+    first = low - wide if "period" in form.lengths and bounded else low
     for name in form.places:
         made[name] = Parameter(
-            unit=along, meaning="where it is", low=low, high=high, role="shape", scan=(low, high), nudge=1e-4
+            unit=along, meaning="where it is", low=first, high=high, role="shape", scan=(low, high), nudge=1e-4
         )
     for name in form.ends:
         end = low if name == "low" else high

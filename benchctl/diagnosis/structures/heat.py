@@ -36,23 +36,25 @@ _MOST, _ROUNDS = 2, 4
 """Maximum number of structures, and maximum number of search rounds."""
 _BETTER = 1.0
 """Minimum gain in twice the log likelihood, after the price is subtracted."""
-_REFINED, _FEW = 20, 12
-"""Number of shapes per set of effects whose places are refined, and total number of models that are fitted."""
+_REFINED, _FEW = 8, 2
+"""Number of shapes per set of effects and coordinate whose places are refined, and number that are fitted.
+
+The expected gain of a shape can be far too low if a named effect of the set has followed the missing structure.
+"""
 _SIZED, _FITTED = 4, 30
 _HALF = 0.5
-"""Maximum residual of a structure that replaces a named effect, relative to that of the effect, in amplitude."""
+"""Maximum residual with a structure, relative to that of the named effects alone, in amplitude."""
 _TIE = 10.0
 """Models whose scores differ by less explain the recording equally well."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Begun:
-    """A structure to be added to a fit, the price of all its structures, and the expected score."""
+    """A structure to be added to a fit, and the price of all its structures."""
 
     base: Fit
     structure: Structure
     paid: float
-    score: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,10 +86,15 @@ def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, see
     named, score, paid = chosen, _score(problem, chosen.after), 0.0
     structures: tuple[Structure, ...] = ()
     ties: tuple[str, ...] = ()
+    scanned: set[str] | None = None
+    single: list[_Candidate] = []
     for _ in range(_ROUNDS):
-        candidates = _candidates(problem, chosen, (), 0.0)
+        names = {one.identifier for one in _names(chosen.after)}
+        if names != scanned:
+            scanned, single = names, _candidates(problem, chosen, (), 0.0)
+        candidates = single
         if 0 < len(structures) < _MOST:
-            candidates += _candidates(problem, chosen, structures, paid)
+            candidates = single + _candidates(problem, chosen, structures, paid)
         least = _TIE if structures else _BETTER  # a tie is not an improvement
         candidates = [one for one in candidates if one.score < score - least]
         best = _simplest(candidates, score)
@@ -124,16 +131,17 @@ def _may_be(problem: ChamberProblem, named: Selection, model: Selection, left: b
 
     A real disturbance never matches its model exactly, and functions of time or of the air temperature can follow it,
     together with named effects. A model with structures is therefore accepted only if it has fewer effects than before;
-    or if one structure replaces one effect and halves the residual amplitude on held-out steps; or if it keeps all
-    named effects and these leave a residual.
+    or if the named effects leave a residual, and the model keeps them all, or one structure replaces one effect and
+    leaves none; or if one structure, with or in place of one effect, halves the residual amplitude on held-out steps.
     """
     before, after = ({one.identifier for one in _names(it.after)} for it in (named, model))
     found = len(_structures(model.after))
-    if len(after) + found < len(before):
+    if len(after) + found < len(before) or (left and before <= after):
         return True
-    if found == 1 and after < before and len(before) - len(after) == 1:
-        return _missed(problem, model) < _HALF**2 * _missed(problem, named)
-    return left and before <= after
+    if found > 1 or not after <= before or len(before) - len(after) > 1:
+        return False
+    halves = _missed(problem, model) < _HALF**2 * _missed(problem, named)
+    return halves or (left and not left_beside(problem, model.after).significant)
 
 
 def _missed(problem: ChamberProblem, chosen: Selection) -> float:
@@ -203,19 +211,15 @@ def _tied(best: _Candidate, candidates: list[_Candidate]) -> tuple[str, ...]:
 def _candidates(
     problem: ChamberProblem, chosen: Selection, known: tuple[Structure, ...], paid: float
 ) -> list[_Candidate]:
-    """Return models with one structure added to the `known` ones and to each subset of the named effects.
-
-    Only the candidates with the best expected scores of all scans are fitted.
-    """
+    """Return models with one structure added to the `known` ones and to each subset of the named effects."""
     names = _names(chosen.after)
     sets = itertools.chain.from_iterable(itertools.combinations(names, size) for size in range(len(names) + 1))
 
     def scanned(some: tuple[DescribedEffect, ...]) -> list[_Begun]:
         start = Point(baseline=chosen.after.point.baseline, effects=(*some, *known))
         base = fit(problem, chosen.after.whitener, start, chosen.after.fitted, rounds=_FITTED)
-        begun = [one for along in _along(problem, base) for one in everywhere([along])]
-        places = sum(one.places for one in begun)
-        before = _score(problem, base) + paid
+        begun = [list(everywhere([along])) for along in _along(problem, base)]
+        places = sum(one.places for one in itertools.chain.from_iterable(begun))
 
         def price(one: Begun) -> float:
             return float(chdtri(len(one.effect.parameters), CHANCE / max(places, 1.0)))
@@ -223,15 +227,18 @@ def _candidates(
         def worth(one: Begun) -> float:
             return one.promise - price(one)
 
-        refined = sorted(begun, key=worth, reverse=True)[:_REFINED]
-        ranked = sorted((one.refined() for one in refined), key=worth, reverse=True)
+        def best(found: list[Begun]) -> Iterator[Begun]:
+            refined = sorted(found, key=worth, reverse=True)[:_REFINED]
+            ranked = sorted((one.refined() for one in refined), key=worth, reverse=True)
+            return itertools.islice(few_of_each(ranked), _FEW)
+
         return [
-            _Begun(base=base, structure=one.effect, paid=paid + price(one), score=before - worth(one))
-            for one in few_of_each(ranked)
+            _Begun(base=base, structure=one.effect, paid=paid + price(one))
+            for one in itertools.chain.from_iterable(map(best, begun))
         ]
 
-    begun = sorted(itertools.chain.from_iterable(shared_out(scanned, sets)), key=lambda one: one.score)
-    fitted = shared_out(lambda one: _fitted(problem, one), begun[:_FEW])
+    begun = itertools.chain.from_iterable(shared_out(scanned, sets))
+    fitted = shared_out(lambda one: _fitted(problem, one), begun)
     return [one for one in fitted if one is not None]
 
 

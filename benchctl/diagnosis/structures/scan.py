@@ -244,7 +244,7 @@ def everywhere(alongs: Sequence[Along]) -> Iterator[Begun]:
         stage, _, times = one.place
         if times:
             continue
-        if over in ("time", "gyro_temp") or (stage, over) == ("torque", "angle"):
+        if over in ("time", "gyro_temp") or (stage, over) in (("torque", "angle"), ("heat", "chamber_temp")):
             yield from one.two_steps()
         if over == "time":
             yield from one.bursts() if one.information.ndim == 1 else _best("bursts", list(_cycles(span)), [one])
