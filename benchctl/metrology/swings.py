@@ -7,11 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.recordings.model import Step
+from benchctl.recordings.model import Meta, Step
 from benchctl.signals.rate import unwrap_deg
+from benchctl.signals.segments import clipped, usable
 from benchctl_instruments.arrays import FloatArray
 
 _MOST_HARMONICS, _OF_NYQUIST = 40, 0.8
+_MOST_CLIPPED = 0.01
+"""Maximum share of clipped samples: in wider gaps, the same in every period, harmonics are not determined."""
 _STRIP = 4096
 """Samples whose columns are in memory at the same time."""
 
@@ -31,20 +34,22 @@ class Swing:
     output_phasor: complex
 
 
-def fitted(step: Step, frequency_hz: float) -> Swing | None:
+def fitted(step: Step, frequency_hz: float, meta: Meta) -> Swing | None:
     """Fit angle and output by a linear drift and up to 40 harmonics; the rate is jω times the angle.
 
     `frequency_hz` refers to the table's clock. It differs on the clock of the time stamps, so it is corrected from the
-    angle. Return None if angle or output is missing, or has too few samples for one harmonic.
+    angle. Samples that are clipped or filled in are left out. Return None if angle or output is missing, if too much of
+    the output is clipped, or if there are too few samples for one harmonic.
     """
     if not {"encoder_deg", "gyro_v"} <= step.channels.keys():
         return None
-    good = np.isfinite(step["encoder_deg"]) & np.isfinite(step["gyro_v"])
+    known = np.isfinite(step["encoder_deg"])
+    good = usable(step, meta) & known
     room = (int(good.sum()) // 2 - 2) // 2
-    if room < 1:
+    if room < 1 or float(np.mean(clipped(step["gyro_v"], meta))) > _MOST_CLIPPED:
         return None
-    time_s = step["time_s"][good] - step["time_s"][0]
-    angle_deg, output_v = unwrap_deg(step["encoder_deg"][good]), step["gyro_v"][good]
+    time_s, output_v = step["time_s"][good] - step["time_s"][0], step["gyro_v"][good]
+    angle_deg = unwrap_deg(step["encoder_deg"][known])[good[known]]
     highest_hz = 0.5 * _OF_NYQUIST * (time_s.size - 1) / float(time_s[-1] - time_s[0])
     if frequency_hz > highest_hz:
         return None

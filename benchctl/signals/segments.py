@@ -110,19 +110,20 @@ class SegmentReader:
     def _good(self, part: Step) -> _Samples:
         """Return the samples with a known angle; an unknown angle makes a gap."""
         finite = np.isfinite(part["encoder_deg"])
-        time, angle, output = (part[name] for name in ("time_s", "encoder_deg", "gyro_v"))
-        filled = part.channels.get(FILLED)
-        if not finite.all():
-            time, angle, output = time[finite], angle[finite], output[finite]
-            filled = None if filled is None else filled[finite]
-        bad = ~np.isfinite(output)
+        bad = ~usable(part, self._meta)
+        self.masked += int(np.count_nonzero(bad | ~finite))
+        output = part["gyro_v"]
         if bad.any():
-            output = np.where(bad, 0.0, output)
-        bad |= clipped(output, self._meta)
-        if filled is not None:
-            bad |= filled > 0.5
-        self.masked += int(np.count_nonzero(bad) + finite.size - np.count_nonzero(finite))
-        return _Samples(time, angle, output, bad)
+            output = np.where(np.isfinite(output), output, 0.0)
+        samples = _Samples(part["time_s"], part["encoder_deg"], output, bad)
+        return samples if finite.all() else _Samples(*(one[finite] for one in samples))
+
+
+def usable(step: Step, meta: Meta) -> BoolArray:
+    """Return which samples of the output are finite, not clipped and not filled in, shape (n,)."""
+    output, filled = step["gyro_v"], step.channels.get(FILLED)
+    good = np.isfinite(output) & ~clipped(output, meta)
+    return good if filled is None else good & ~(filled > 0.5)
 
 
 def clipped(output: FloatArray, meta: Meta) -> BoolArray:

@@ -18,7 +18,8 @@ from benchctl.metrology.observations import Observations, celsius_of, column, re
 from benchctl.metrology.propagation import Offsets, Quantity, as_read, nothing, propagated, single
 from benchctl.metrology.result import Measured, Picture, Trace, message
 from benchctl.metrology.swings import fitted
-from benchctl.recordings.model import Step
+from benchctl.recordings.model import Meta, Step
+from benchctl.signals.segments import CHANNELS
 from benchctl_instruments.arrays import FloatArray
 
 _FEWEST = 3
@@ -116,8 +117,8 @@ def _responses(obs: Observations) -> Iterator[_Response]:
     for info in obs.recording.infos:
         near = same_set_point(info.chamber_setpoint_c, home_c)
         if info.kind == "sine" and info.whole and info.frequency_hz and near and not info.mounting:
-            step = obs.recording.step(info.index, ("time_s", "encoder_deg", "gyro_v"))
-            swing = _response(step, info.frequency_hz, curve)
+            step = obs.recording.step(info.index, CHANNELS)
+            swing = _response(step, info.frequency_hz, curve, obs.recording.meta)
             if swing is not None:
                 yield swing
 
@@ -149,9 +150,9 @@ def _order(rate_dps: FloatArray) -> int:
     return min(_ORDER, np.unique(np.round(rate_dps, 3)).size - 1)
 
 
-def _response(step: Step, frequency_hz: float, curve: FloatArray) -> _Response | None:
+def _response(step: Step, frequency_hz: float, curve: FloatArray, meta: Meta) -> _Response | None:
     """Return the output's fundamental over that of the static curve for the same motion; None if it hardly moves."""
-    swing = fitted(step, frequency_hz)
+    swing = fitted(step, frequency_hz, meta)
     if swing is None or abs(swing.rate_phasor) < _LEAST_DPS:
         return None
     size = abs(swing.rate_phasor)

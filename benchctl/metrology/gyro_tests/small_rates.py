@@ -23,6 +23,7 @@ from benchctl.metrology.propagation import Offsets, Quantity, as_read, propagate
 from benchctl.metrology.result import Bound, Measured, Message, message
 from benchctl.metrology.swings import Swing, fitted
 from benchctl.recordings.model import StepInfo
+from benchctl.signals.segments import CHANNELS
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _SMALL_DPS = 0.5
@@ -135,8 +136,7 @@ def dead_zone_tests(obs: Observations) -> Iterator[Measured]:
     if info is None or info.frequency_hz is None:
         yield refused(_DEAD_ZONE, message("needs_slow_swing"))
         return
-    step = obs.recording.step(info.index, ("time_s", "encoder_deg", "gyro_v"))
-    swing = fitted(step, info.frequency_hz)
+    swing = fitted(obs.recording.step(info.index, CHANNELS), info.frequency_hz, obs.recording.meta)
     edges = _USED * (0.0 if swing is None else abs(swing.rate_phasor)) * np.linspace(-1.0, 1.0, _BINS + 1)
     if swing is None or not np.histogram(swing.rate_dps, edges)[0].all():
         yield refused(_DEAD_ZONE, message("needs_slow_swing"))

@@ -27,6 +27,7 @@ from benchctl.metrology.propagation import Offsets, as_read, largest_of, nothing
 from benchctl.metrology.result import Measured, Picture, Trace, Uncertainty, message
 from benchctl.metrology.stretches import LEAST_V2
 from benchctl.recordings.model import StepInfo
+from benchctl.signals.segments import CHANNELS, usable
 from benchctl_instruments.arrays import FloatArray
 
 _NAMES = ("warm_up_time", "warm_up_bias")
@@ -118,8 +119,8 @@ def _result(name: str, value: float, uncertainty: Uncertainty, at_most: bool, co
 
 def _means(obs: Observations, rest: StepInfo) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Return times, biases [deg/h] and their variances due to noise; (n,) each. None if there are too few samples."""
-    step = obs.recording.step(rest.index, ("time_s", "gyro_v"))
-    good = np.isfinite(step["gyro_v"])
+    step = obs.recording.step(rest.index, CHANNELS)
+    good = usable(step, obs.recording.meta)
     factor = _DEG_PER_H / obs.scale_v_per_dps
     time_s, bias = step["time_s"][good], factor * step["gyro_v"][good]
     if time_s.size < _FEWEST_SAMPLES:
@@ -243,11 +244,11 @@ def _ramp_means(obs: Observations, info: StepInfo) -> tuple[FloatArray, ...] | N
 
     None if output or thermistor is missing, or there are fewer than two means.
     """
-    step = obs.recording.step(info.index, ("time_s", "gyro_v", "gyro_temp_c"))
+    step = obs.recording.step(info.index, CHANNELS)
     if not {"gyro_v", "gyro_temp_c"} <= step.channels.keys():
         return None
     time_s, output_v, celsius = step["time_s"], step["gyro_v"], step["gyro_temp_c"]
-    good = np.isfinite(output_v) & np.isfinite(celsius)
+    good = usable(step, obs.recording.meta) & np.isfinite(celsius)
     time_s, output_v, celsius = time_s[good], output_v[good], celsius[good]
     count = 0 if time_s.size == 0 else min(int((time_s[-1] - time_s[0]) / _MEAN_S), time_s.size // 2)
     if count < 2:
