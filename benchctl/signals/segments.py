@@ -112,11 +112,12 @@ class SegmentReader:
         finite = np.isfinite(part["encoder_deg"])
         bad = ~usable(part, self._meta)
         self.masked += int(np.count_nonzero(bad | ~finite))
-        output = part["gyro_v"]
+        time, angle, output = (part[name] for name in ("time_s", "encoder_deg", "gyro_v"))
         if bad.any():
             output = np.where(np.isfinite(output), output, 0.0)
-        samples = _Samples(part["time_s"], part["encoder_deg"], output, bad)
-        return samples if finite.all() else _Samples(*(one[finite] for one in samples))
+        if not finite.all():
+            time, angle, output, bad = time[finite], angle[finite], output[finite], bad[finite]
+        return _Samples(time, angle, output, bad)
 
 
 def usable(step: Step, meta: Meta) -> BoolArray:
