@@ -48,9 +48,16 @@ SIMULATED = "simulated"
 class UnitUnderTest(Table):
     """The gyro under test; `range_dps` is its rated range."""
 
-    serial: str = Field(min_length=1)
-    model: str = ""
-    range_dps: float = Field(gt=0)
+    serial: str = Field(
+        min_length=1,
+        title="Serial number",
+        description="That of the unit; its history goes by it.",
+        examples=["SN-0017"],
+    )
+    model: str = Field(
+        default="", description="The unit's model; units of one model are compared.", examples=["VG910Q"]
+    )
+    range_dps: float = Field(gt=0, title="Rated range", description="The unit's rated range.", examples=[175.0])
 
 
 class Limits(Table):
@@ -60,14 +67,43 @@ class Limits(Table):
     or by `motion_error_percent` of the demanded rate, whichever is larger.
     """
 
-    rate_dps: float = Field(gt=0)
-    acceleration_dps2: float = Field(gt=0)
-    coldest_c: float
-    hottest_c: float
-    ramp_c_per_min: float = Field(gt=0)
-    silence_s: float = Field(default=10.0, gt=0)
-    motion_error_dps: float = Field(default=0.5, gt=0)
-    motion_error_percent: float = Field(default=2.0, ge=0)
+    rate_dps: float = Field(
+        gt=0,
+        title="Highest rate",
+        description="No step turns faster; a measured rate beyond it stops the run.",
+        examples=[300.0],
+    )
+    acceleration_dps2: float = Field(
+        gt=0, title="Highest acceleration", description="No step accelerates faster.", examples=[1500.0]
+    )
+    coldest_c: float = Field(
+        title="Coldest air", description="No set point lies below; below hottest_c.", examples=[-55.0]
+    )
+    hottest_c: float = Field(
+        title="Hottest air", description="No set point lies above; above coldest_c.", examples=[85.0]
+    )
+    ramp_c_per_min: float = Field(
+        gt=0,
+        title="Ramp",
+        description="How fast the chamber's air follows; durations are reckoned with it.",
+        examples=[2.0],
+    )
+    silence_s: float = Field(
+        default=10.0, gt=0, title="Silence", description="An instrument that is silent for so long stops the run."
+    )
+    motion_error_dps: float = Field(
+        default=0.5,
+        gt=0,
+        title="Motion",
+        description="How far the rate by the encoder may be off the demand while a step is recorded;"
+        " beyond it the step is repeated once, then the run stops. The encoder's resolution is added.",
+    )
+    motion_error_percent: float = Field(
+        default=2.0,
+        ge=0,
+        title="Motion, relative",
+        description="The same as a share of the rate that is demanded; the larger of the two counts.",
+    )
 
     @model_validator(mode="after")
     def _in_order(self) -> Limits:
@@ -79,8 +115,16 @@ class Limits(Table):
 class Safe(Table):
     """The chamber's set point after every run, and the time of silence of the runner after which its guard acts."""
 
-    chamber_c: float = 23.0
-    hang_s: float = Field(default=60.0, gt=0)
+    chamber_c: float = Field(
+        default=23.0, title="Safe set point", description="Between limits.coldest_c and limits.hottest_c."
+    )
+    hang_s: float = Field(
+        default=60.0,
+        gt=0,
+        title="Hang",
+        description="A run on real instruments that hangs for so long is ended by its guard;"
+        " wall time, longer than silence_s.",
+    )
 
 
 class Interlock(Table):
@@ -90,13 +134,37 @@ class Interlock(Table):
     completes the current step, then waits with the table at rest for at most `give_up_s`. Times are in bench time.
     """
 
-    quantity: Quantity
-    above: float | None = None
-    below: float | None = None
-    hysteresis: float = Field(default=0.0, ge=0)
-    for_s: float = Field(default=0.0, ge=0)
-    action: Literal["stop", "hold"] = "stop"
-    give_up_s: float | None = Field(default=None, gt=0)
+    quantity: Quantity = Field(
+        description="What is watched; setpoint_error_c is air less set point.", examples=["gyro_c"]
+    )
+    above: float | None = Field(
+        default=None, description="Beyond this, in the quantity's unit; above, below or both.", examples=[70.0]
+    )
+    below: float | None = Field(
+        default=None, description="Beneath this, in the quantity's unit; above, below or both.", examples=[-60.0]
+    )
+    hysteresis: float = Field(
+        default=0.0, ge=0, description="It is over once the value is back inside by so much.", examples=[2.0]
+    )
+    for_s: float = Field(
+        default=0.0,
+        ge=0,
+        title="For",
+        description="It counts once it has lasted so long (bench time); 0: at once.",
+        examples=[30.0],
+    )
+    action: Literal["stop", "hold"] = Field(
+        default="stop",
+        description="stop ends the run; hold ends the step, then waits with the table at rest.",
+        examples=["hold"],
+    )
+    give_up_s: float | None = Field(
+        default=None,
+        gt=0,
+        title="Give up",
+        description="A hold that lasts longer ends the run; for hold, and only for it.",
+        examples=[3600.0],
+    )
 
     @field_validator("above", "below", "hysteresis", mode="before")
     @classmethod
@@ -132,8 +200,12 @@ class Interlock(Table):
 class Site(Table):
     """The location of the bench; the uncertainty of its latitude is expanded, k = 2."""
 
-    latitude_deg: float | None = Field(default=None, ge=-90, le=90)
-    latitude_uncertainty_deg: float | None = Field(default=None, ge=0)
+    latitude_deg: float | None = Field(
+        default=None, ge=-90, le=90, title="Latitude", description="Positive in the north.", examples=[58.5]
+    )
+    latitude_uncertainty_deg: float | None = Field(
+        default=None, ge=0, title="Uncertainty of the latitude", description="Expanded, k = 2.", examples=[0.05]
+    )
 
 
 class Simulation(Table):
@@ -143,51 +215,104 @@ class Simulation(Table):
     + …; with an empty list, the model has no such term. `noise_v_rms` is the noise of one sample.
     """
 
-    K0_v_per_dps: float
-    U0_v: float
-    T0_c: float
-    k_T: tuple[float, ...] = ()  # noqa: N815 - the key is that of open recordings
-    k_omega: tuple[float, ...] = ()
-    noise_v_rms: float = Field(ge=0)
-    output_limit_v: float = Field(gt=0)
+    K0_v_per_dps: float = Field(title="Scale factor", description="K0 of U = U0 + K0·k(T)·k(ω)·ω.", examples=[0.05])
+    U0_v: float = Field(title="Bias", description="U0, the output at rest.", examples=[0.012])
+    T0_c: float = Field(title="Reference temperature", description="T0, at which k(T) is 1.", examples=[20.0])
+    k_T: tuple[float, ...] = Field(  # noqa: N815 - the key is that of open recordings
+        default=(),
+        title="Temperature coefficients",
+        description="a1, a2, … of k(T); empty: no such term.",
+        examples=[[-0.0001315, 2.066e-06]],
+    )
+    k_omega: tuple[float, ...] = Field(
+        default=(),
+        title="Rate coefficients",
+        description="b2, b4, … of k(ω); empty: no such term.",
+        examples=[[-3.375e-06, 3.417e-12]],
+    )
+    noise_v_rms: float = Field(ge=0, title="Noise", description="The noise of one sample.", examples=[0.0006])
+    output_limit_v: float = Field(
+        gt=0, title="Output limit", description="Where the gyro's output clips.", examples=[11.0]
+    )
+
+
+_CERTIFICATE = Field(default=None, description="What it states: expanded uncertainties; the rest is assumed.")
 
 
 class InstrumentEntry(Table):
     """An instrument: `model` names the driver, `options` are further keyword arguments of that driver."""
 
-    model: str
-    address: str | None = None
-    serial: str = ""
-    calibrated_until: datetime.date | None = None
-    certificate: Certificate | None = None
-    options: dict[str, Any] = Field(default_factory=dict)
+    model: str = Field(description="The driver; those that this installation has are offered, others may be added.")
+    address: str | None = Field(
+        default=None,
+        description="tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=19200, serial://COM3?baud=9600,"
+        " or socket://HOST:PORT for a serial line behind a TCP box.",
+        examples=["tcp://192.168.1.60:502"],
+    )
+    serial: str = Field(
+        default="", title="Serial number", description="As its certificate names it.", examples=["CH-1234"]
+    )
+    calibrated_until: datetime.date | None = Field(
+        default=None, description="The last day on which its certificate holds.", examples=["2027-01-31"]
+    )
+    certificate: Certificate | None = _CERTIFICATE
+    options: dict[str, Any] = Field(
+        default_factory=dict,
+        description="Further keywords of the driver; its docstring names them.",
+        examples=[{"unit_id": 3}],
+    )
 
 
 class RateTableEntry(InstrumentEntry):
     """The rate table, with the encoder on its axis and the mounting fixture of the unit."""
 
-    certificate: RateTableCertificate | None = None
+    certificate: RateTableCertificate | None = _CERTIFICATE
 
 
 class ChamberEntry(InstrumentEntry):
     """The climate chamber."""
 
-    certificate: ChamberCertificate | None = None
+    model: str = Field(
+        description="The driver; those of this installation are offered."
+        " Or the path of a profile that ends in .toml, next to this file.",
+        examples=["own_profile.toml"],
+    )
+    certificate: ChamberCertificate | None = _CERTIFICATE
 
 
 class DigitizerEntry(InstrumentEntry):
     """The digitizer, and the scaling of its inputs."""
 
-    stream_address: str | None = None
-    sample_rate_hz: float = Field(default=500.0, gt=0, le=HIGHEST_RATE_HZ)
-    adc_bits: int = Field(default=16, ge=8, le=32)
-    adc_range_v: float = Field(default=10.0, gt=0)
-    encoder_counts_per_rev: int = Field(gt=0, le=MOST_COUNTS_PER_REV)
-    encoder_sign: Literal[1, -1] = 1
-    encoder_accuracy_arcsec: float = Field(default=0.0, ge=0)
-    thermistor_c_per_v: float
-    thermistor_c_at_0v: float = 0.0
-    certificate: DigitizerCertificate | None = None
+    stream_address: str | None = Field(
+        default=None,
+        title="Stream",
+        description="Where the stream is; port 702 of the same host where it is not given.",
+    )
+    sample_rate_hz: float = Field(
+        default=500.0, gt=0, le=HIGHEST_RATE_HZ, title="Sample rate", description="Scans a second."
+    )
+    adc_bits: int = Field(default=16, ge=8, le=32, title="Bits", description="Of the converter.")
+    adc_range_v: float = Field(default=10.0, gt=0, title="Range", description="± so much.")
+    encoder_counts_per_rev: int = Field(
+        gt=0,
+        le=MOST_COUNTS_PER_REV,
+        title="Encoder",
+        description="Counts a revolution, all edges counted.",
+        examples=[360000],
+    )
+    encoder_sign: Literal[1, -1] = Field(
+        default=1, title="Sign", description="-1 where the count falls while the table turns counter-clockwise."
+    )
+    encoder_accuracy_arcsec: float = Field(
+        default=0.0, ge=0, title="Encoder's accuracy", description="Of an angle; 0: not stated.", examples=[20.0]
+    )
+    thermistor_c_per_v: float = Field(
+        title="Thermistor", description="Degrees a volt of its amplifier; not 0.", examples=[20.0]
+    )
+    thermistor_c_at_0v: float = Field(
+        default=0.0, title="Thermistor at 0 V", description="In °C, where its amplifier gives 0 V."
+    )
+    certificate: DigitizerCertificate | None = _CERTIFICATE
 
     @field_validator("thermistor_c_per_v")
     @classmethod
@@ -209,30 +334,59 @@ class DigitizerEntry(InstrumentEntry):
 class GyroEntry(InstrumentEntry):
     """A digital gyro under test, which sends frames; `options` states, among others, the axis that the table turns."""
 
-    frame_rate_hz: float = Field(default=1000.0, gt=0, le=HIGHEST_RATE_HZ)
-    sign: Literal[1, -1] = 1
+    frame_rate_hz: float = Field(
+        default=1000.0, gt=0, le=HIGHEST_RATE_HZ, title="Frame rate", description="Frames a second."
+    )
+    sign: Literal[1, -1] = Field(
+        default=1, description="-1 where its rate falls while the table turns counter-clockwise."
+    )
 
 
 class Bench(Table):
     """A bench as described by its file, with the text of the file."""
 
-    name: str
-    operator: str = ""
-    simulated: bool = False
-    time_factor: float = Field(default=1.0, gt=0)
-    unit: UnitUnderTest
-    limits: Limits
-    safe: Safe = Safe()
-    interlocks: tuple[Interlock, ...] = ()
-    site: Site = Site()
-    rate_table: RateTableEntry
-    chamber: ChamberEntry
-    digitizer: DigitizerEntry
-    gyro: GyroEntry | None = None
-    simulation: Simulation | None = None
-    physics: dict[str, Any] = Field(default_factory=dict)
-    effects: dict[str, Any] = Field(default_factory=dict)
-    faults: tuple[AnyFault, ...] = ()
+    name: str = Field(description="What reports and recordings call this bench.", examples=["bench 2, room 114"])
+    operator: str = Field(
+        default="", description="Who runs the bench; it goes into every recording.", examples=["A. Ivanova"]
+    )
+    simulated: bool = Field(
+        default=False,
+        description="true: benchctl starts simulated instruments of these models and runs on their clock."
+        " false: the instruments are at their addresses.",
+        examples=[True],
+    )
+    time_factor: float = Field(
+        default=1.0, gt=0, description="Bench seconds a second of the wall; other than 1 with `benchctl sim`."
+    )
+    unit: UnitUnderTest = Field(title="Unit under test", description="The gyro that is tested.")
+    limits: Limits = Field(description="What no step may exceed, and no measured value may pass.")
+    safe: Safe = Field(default=Safe(), title="Safe state", description="Where the bench goes whatever ends a run.")
+    interlocks: tuple[Interlock, ...] = Field(
+        default=(), description="Limits of your own on what is measured, and what happens beyond."
+    )
+    site: Site = Field(default=Site(), description="Location of the bench, for the Earth's rate.")
+    rate_table: RateTableEntry = Field(description="The rate table, its driver, address and certificate.")
+    chamber: ChamberEntry = Field(description="The climate chamber, its driver, address and certificate.")
+    digitizer: DigitizerEntry = Field(description="What samples encoder and gyro, and what its terminals mean.")
+    gyro: GyroEntry | None = Field(
+        default=None, title="Digital gyro", description="A gyro that sends frames, where there is one."
+    )
+    simulation: Simulation | None = Field(
+        default=None,
+        title="Believed model",
+        description="The model that the lab believes in; diagnosis begins with it.",
+    )
+    physics: dict[str, Any] = Field(
+        default_factory=dict,
+        description="What the simulated bench obeys; every figure has a default.",
+        examples=[{"seed": 1}],
+    )
+    effects: dict[str, Any] = Field(
+        default_factory=dict, description="Physics that the model leaves out, by name, for simulated benches only."
+    )
+    faults: tuple[AnyFault, ...] = Field(
+        default=(), description="What goes wrong on simulated links and in simulated instruments."
+    )
     _text: str = PrivateAttr(default="")
     _chamber_profile: str = PrivateAttr(default="")
 

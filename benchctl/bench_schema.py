@@ -10,10 +10,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import tomllib
-from collections.abc import Mapping
-from importlib.resources import files
 from typing import Any, get_args
+
+from pydantic import BaseModel
+from pydantic.json_schema import GenerateJsonSchema
 
 from benchctl.bench import Bench
 from benchctl.metrology.limit_file import LimitFile
@@ -23,12 +23,9 @@ from benchctl_instruments.catalog import Kind, models
 from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
 from benchctl_instruments.physics.effects.registry import effects
 from benchctl_instruments.simulated.faults.bench import AnyFault
+from benchctl_instruments.simulated.faults.schedule import FaultTable
 
 Schema = dict[str, Any]
-Words = Mapping[str, Mapping[str, Any]]
-"""Title, description and an example, by TABLE.FIELD, or by FIELD if it has the same meaning in every table."""
-
-_WORDS = files("benchctl").joinpath("bench_words.toml")
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
 """The dialect of JSON Schema that TOML editors support."""
@@ -56,7 +53,8 @@ def directive(schema_name: str) -> str:
 
 def bench_schema() -> Schema:
     """Return the schema of bench.toml; it lists the models and effects of this installation and allows others."""
-    schema = _tidy(Bench.model_json_schema(), tomllib.loads(_WORDS.read_text(encoding="utf-8")))
+    schema = _tidy(Bench)
+    kind_of_fault = _tidy(FaultTable)["properties"]["kind"]
     for name, kind in _KINDS.items():
         schema["$defs"][name]["properties"]["model"]["anyOf"] = [
             {"enum": list(models(kind)), "description": "A model that this installation has."},
@@ -66,6 +64,7 @@ def bench_schema() -> Schema:
         described = schema["$defs"][fault.__name__]
         described["required"] = ["on", "kind"]
         described["properties"]["on"]["enum"] = list(fault.places)
+        described["properties"]["kind"] |= {name: kind_of_fault[name] for name in ("title", "description", "examples")}
     schema["properties"]["effects"] |= _effects()
     schema["allOf"] = _rules_of_a_bench()
     schema["$defs"]["Interlock"]["allOf"] = _rules_of_an_interlock()
@@ -75,7 +74,7 @@ def bench_schema() -> Schema:
 
 def limits_schema() -> Schema:
     """Return the schema of limits.toml."""
-    schema = _tidy(LimitFile.model_json_schema(), {})
+    schema = _tidy(LimitFile)
     entry = schema["properties"]["limits"].pop("additionalProperties")
     schema["properties"]["limits"] |= {
         "additionalProperties": False,
@@ -89,17 +88,27 @@ def as_text(schema: Schema) -> str:
     return json.dumps(schema, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _tidy(schema: Schema, words: Words) -> Schema:
+class _WithoutTitles(GenerateJsonSchema):
+    """pydantic's schema with no other titles than those that are given."""
+
+    def field_title_should_be_set(self, schema: object) -> bool:
+        """Return whether pydantic makes a title from the name."""
+        return False
+
+
+def _tidy(model: type[BaseModel]) -> Schema:
     """Add texts, units and quantities to pydantic's schema; remove null (not in TOML) and infinity (not in JSON)."""
-    for name, table in [(schema["title"], schema), *schema["$defs"].items()]:
+    schema = model.model_json_schema(schema_generator=_WithoutTitles)
+    for name, table in [(model.__name__, schema), *schema.get("$defs", {}).items()]:
         table.pop("title", None)
         for field, described in table.get("properties", {}).items():
-            table["properties"][field] = _field(name, field, described, words)
+            table["properties"][field] = _field(name, field, described)
     return schema
 
 
-def _field(table: str, field: str, described: Schema, words: Words) -> Schema:
-    described.pop("title", None)
+def _field(table: str, field: str, described: Schema) -> Schema:
+    title, explained = described.pop("title", field.replace("_", " ").capitalize()), described.pop("description", "")
+    examples = described.pop("examples", [])
     described.get("items", {}).pop("discriminator", None)  # a keyword of OpenAPI, not of JSON schema
     default = described.pop("default", None)
     choices = [choice for choice in described.pop("anyOf", []) if choice != {"type": "null"}]
@@ -114,13 +123,14 @@ def _field(table: str, field: str, described: Schema, words: Words) -> Schema:
         described["default"] = default
     if "$ref" in described:  # draft 7 ignores the keys next to a reference
         described["allOf"] = [{"$ref": described.pop("$ref")}]
-    texts = words.get(f"{table}.{field}") or words.get(field) or {}
-    if texts:
-        described["title"] = texts["title"]
-    if text := " ".join(part for part in (texts.get("description", ""), _in_words(unit)) if part):
+    if explained:
+        described["title"] = title
+        if not examples and isinstance(default, str | int | float):
+            examples = [default]
+    if text := " ".join(part for part in (explained, _in_words(unit)) if part):
         described["description"] = text
-    if "example" in texts:
-        described["examples"] = [texts["example"]]
+    if examples:
+        described["examples"] = examples
     return described
 
 

@@ -18,8 +18,10 @@ Figure = Annotated[float, Field(ge=0)] | None
 class Certificate(Table):
     """The common part of all certificates: the number, and the coverage factor `k` of the uncertainties."""
 
-    number: str = Field(default="", max_length=200)
-    k: float = Field(default=2.0, gt=0)
+    number: str = Field(
+        default="", max_length=200, description="That of the certificate, on one line.", examples=["LNE 2026-123"]
+    )
+    k: float = Field(default=2.0, gt=0, title="Coverage factor", description="Of all figures of this certificate.")
 
     @field_validator("number")
     @classmethod
@@ -41,24 +43,33 @@ class RateTableCertificate(Certificate):
     `mounting_deg` the angle of a unit's input axis from the table's axis.
     """
 
-    encoder_arcsec: Figure = None
-    tilt_deg: Figure = None
-    mounting_deg: Figure = None
+    encoder_arcsec: Figure = Field(
+        default=None, title="Encoder", description="The largest error of an angle.", examples=[2.0]
+    )
+    tilt_deg: Figure = Field(default=None, title="Tilt", description="Of the axis from the vertical.", examples=[0.02])
+    mounting_deg: Figure = Field(
+        default=None,
+        title="Mounting",
+        description="Of a unit's input axis from the table's axis, by the fixture.",
+        examples=[0.1],
+    )
 
 
 class ChamberCertificate(Certificate):
     """The certificate of a chamber: the uncertainty of the air temperature."""
 
-    air_c: Figure = None
+    air_c: Figure = Field(default=None, title="Air", description="Of the temperature of the air.", examples=[0.3])
 
 
 class DigitizerCertificate(Certificate):
     """The certificate of a digitizer: voltage gain and offset, clock, and the unit's thermistor with its amplifier."""
 
-    gain_ppm: Figure = None
-    offset_v: Figure = None
-    clock_ppm: Figure = None
-    thermometer_c: Figure = None
+    gain_ppm: Figure = Field(default=None, title="Gain", description="Of its volts.", examples=[40.0])
+    offset_v: Figure = Field(default=None, title="Offset", description="Of its volts.", examples=[2e-05])
+    clock_ppm: Figure = Field(default=None, title="Clock", description="Of its clock.", examples=[10.0])
+    thermometer_c: Figure = Field(
+        default=None, title="Thermometer", description="Of the unit's thermistor with its amplifier.", examples=[0.1]
+    )
 
 
 class Calibrated(Protocol):

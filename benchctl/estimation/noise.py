@@ -15,7 +15,7 @@ is one: the likelihood of a model is that of its innovations.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
@@ -23,7 +23,6 @@ import numpy as np
 import scipy.optimize
 import scipy.signal
 
-from benchctl.estimation.filtered_runs import filtered, without_innovations
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _FLICKER_RATIO = 5.0
@@ -33,6 +32,10 @@ _SHAPED, _SLOWEST, _SHAPED_FROM = 5, 16, 1e-4
 _FORGOTTEN = 1e-3
 _BRIDGED = 3
 """Largest number of consecutive rows without weight that are bridged; more of them are a pause."""
+_ALIKE = 4
+"""Minimum number of runs of equal length that are filtered together; the response to a state costs an extra call."""
+_TOGETHER = 1 << 18
+"""Number of rows of a column that are filtered at once; more would only take memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,6 +277,80 @@ def _sections(poles: Sequence[float], zeros: Sequence[float]) -> FloatArray:
         (a, b), (c, d) = pairs[i], pairs[i + 1] if i + 1 < len(pairs) else (0.0, 0.0)
         rows.append([1.0, -(a + c), a * c, 1.0, -(b + d), b * d])
     return np.array(rows)
+
+
+def filtered(
+    sections: FloatArray, values: FloatArray, runs: Sequence[slice], carried: Sequence[FloatArray]
+) -> FloatArray:
+    """Filter values (k, n) by second-order sections (m, 6), run by run; 0 outside the runs.
+
+    A call for each run costs more than the filtering if there are thousands of short runs. The filter is linear: runs
+    of equal length are filtered together as if each began at rest, and the response to the state before it is added.
+    `carried` are the matrices that map the filter's state over the pause before each run, shape (2·m, 2·m).
+    """
+    white = np.zeros_like(values)
+    free: dict[int, tuple[FloatArray, FloatArray]] = {}
+    ends: dict[int, FloatArray] = {}
+    for length, alike in _of_one_length(runs):
+        if length not in free:
+            free[length] = _free(sections, length)
+        passed, states = _passed(sections, np.stack([values[:, runs[i]] for i in alike], axis=1))
+        for place, i in enumerate(alike):
+            white[:, runs[i]] = passed[:, place]
+            ends[i] = states[:, :, place]
+    state = np.zeros((2 * len(sections), len(values)))
+    for i, (rows, through) in enumerate(zip(runs, carried, strict=True)):
+        state = through @ state
+        if i in ends:
+            response, onward = free[rows.stop - rows.start]
+            white[:, rows] += (response @ state).T
+            state = onward @ state + ends[i]
+        else:
+            white[:, rows], state = _passed(sections, values[:, rows], state)
+    return white
+
+
+def without_innovations(sections: FloatArray) -> FloatArray:
+    """Return the map of the sections' state over a step with zero output, shape (2·m, 2·m).
+
+    The input of each section then follows from its state alone.
+    """
+    columns = []
+    for state in np.eye(2 * len(sections)):
+        left, after = 0.0, np.empty((len(sections), 2))
+        for k in range(len(sections) - 1, -1, -1):
+            _, b1, b2, _, a1, a2 = sections[k]
+            entered = left - state[2 * k]
+            after[k] = b1 * entered - a1 * left + state[2 * k + 1], b2 * entered - a2 * left
+            left = entered
+        columns.append(after.ravel())
+    return np.stack(columns, axis=1)
+
+
+def _of_one_length(runs: Sequence[slice]) -> Iterator[tuple[int, list[int]]]:
+    """Yield the indices of runs that share a length, and that length; limited to a number of rows at once."""
+    places: dict[int, list[int]] = {}
+    for i, rows in enumerate(runs):
+        places.setdefault(rows.stop - rows.start, []).append(i)
+    for length, alike in places.items():
+        many = max(_TOGETHER // length, _ALIKE)
+        for first in range(0, len(alike) if len(alike) >= _ALIKE else 0, many):
+            yield length, alike[first : first + many]
+
+
+def _free(sections: FloatArray, length: int) -> tuple[FloatArray, FloatArray]:
+    """Return the output of each state without input over `length` rows, (length, 2·m), and the map to the end state."""
+    states = np.eye(2 * len(sections))
+    response, onward = _passed(sections, np.zeros((len(states), length)), states)
+    return response.T, onward
+
+
+def _passed(sections: FloatArray, values: FloatArray, state: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+    """Filter values (k, …, n) by sections from a state, shape (2·m, k, …), or from rest; also return the end state."""
+    count, others = len(sections), values.shape[:-1]
+    begun = np.zeros((2 * count, *others)) if state is None else state
+    passed, ended = scipy.signal.sosfilt(sections, values, zi=np.moveaxis(begun.reshape(count, 2, *others), 1, -1))
+    return passed, np.moveaxis(ended, -1, 1).reshape(2 * count, *others)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

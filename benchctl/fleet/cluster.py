@@ -24,18 +24,16 @@ from benchctl.campaign.stop import StoppedError, StopRequest
 from benchctl.fleet.job import Job, JobOutcome, JobRecord, Options, kept, record_at
 from benchctl.fleet.located import Located
 from benchctl.fleet.places import Place, place_of
-from benchctl.fleet.work import MOST_STARTS, starts_of, work
+from benchctl.fleet.work import work
 from benchctl.reports.fleet_facts import Fleet, Member
 from benchctl.reports.fleet_stated import REPORTS, VERBS, FleetVerb
 from benchctl.side_by_side import cores
 from benchctl_instruments.errors import BenchError, LinkError, UsageError, in_line
 
 _CONNECT_S = 5.0
-_ENOUGH = 1_000_000
-"""Allowed worker deaths per task on our own scheduler, practically unlimited: the job's own notes decide instead."""
 
 _SETTINGS = {
-    "distributed.scheduler.allowed-failures": _ENOUGH,
+    "distributed.scheduler.allowed-failures": 1,  # the second worker that a job kills is its failure
     "distributed.scheduler.worker-saturation": 1.0,  # a job that is queued on a worker is lost with it
     "distributed.worker.profile.enabled": False,
     # dask runs these up to 50 times a second in every process, which costs 5 % of a fleet's time on two cores
@@ -199,11 +197,7 @@ def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tu
                     continue
                 outcome = _outcome_of(future, status, given[future.key])
                 del futures[future.key]
-                job = given.pop(future.key)
-                if outcome is None:
-                    waiting.append(job)
-                else:
-                    yield job, outcome
+                yield given.pop(future.key), outcome
     except (OSError, CancelledError) as err:
         futures.clear()  # the scheduler that could cancel them is gone
         raise LinkError(
@@ -214,8 +208,8 @@ def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tu
             client.cancel(list(futures.values()), force=True)
 
 
-def _outcome_of(future: Any, status: str, job: Job) -> JobOutcome | None:
-    """Return the outcome of a job by its future's status; None if the job did not cause the deaths of its workers.
+def _outcome_of(future: Any, status: str, job: Job) -> JobOutcome:
+    """Return the outcome of a job by its future's status.
 
     Raises `OSError` or `CancelledError` if the scheduler is gone.
     """
@@ -227,20 +221,14 @@ def _outcome_of(future: Any, status: str, job: Job) -> JobOutcome | None:
     if status != "error":
         raise CancelledError
     error = future.exception()
-    if isinstance(error, KilledWorker) and _starts(job) < MOST_STARTS:
-        return None
-    return JobOutcome(
-        state="failed",
-        reason=f"{job.recording.where}: the worker could not do it: {type(error).__name__}: {in_line(str(error))}",
-    )
-
-
-def _starts(job: Job) -> int:
-    """Return the number of workers that the job killed; the maximum if it is unknown."""
-    try:
-        return len(starts_of(job))
-    except BenchError:
-        return MOST_STARTS
+    if isinstance(error, KilledWorker):
+        says = (
+            f"{error.allowed_failures + 1} workers died of it: killed, out of memory, or by a fault of HDF5's library; "
+            f"try it alone: benchctl {job.verb}"
+        )
+    else:
+        says = f"the worker could not do it: {type(error).__name__}: {in_line(str(error))}"
+    return JobOutcome(state="failed", reason=f"{job.recording.where}: {says}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -302,10 +290,8 @@ def run_fleet(
                     end(job, outcome)
         except LinkError as err:
             say(str(err))
-        except StoppedError:
-            if settings.scheduler is None:  # our workers are dead; those of other clusters finish their current jobs
-                for job in to_do:
-                    job.place.end()
+        except StoppedError:  # our workers are dead; those of other clusters finish their current jobs
+            pass
     members = tuple(
         _member(job, ended[job.recording.where], settings.out) for job in jobs if job.recording.where in ended
     )

@@ -1,23 +1,19 @@
 """Store the results on a recording atomically: in a folder, local or at a URL.
 
-A new folder is filled under another name and renamed. In an existing one (a campaign's, or that of earlier results,
-which may contain users' notes) the files are renamed into place one by one: the job's record is removed first and
-written last, so that an incomplete set of results is never taken for a complete one.
+The folder may exist (a campaign's, or that of earlier results, which may contain users' notes). Its files are written
+one by one: the job's record is removed first and written last, so that an incomplete set of results is never taken for
+a complete one.
 """
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import shutil
-import time
-import uuid
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchctl.atomic import disk_errors, sync_file, sync_folder, whole_file
+from benchctl.atomic import disk_errors, whole_file
 from benchctl.fleet.located import Located, filesystem, is_url, remote_errors
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.reports.fleet_stated import FleetVerb
@@ -31,12 +27,10 @@ KINDS: Mapping[FleetVerb, str] = {"fit": "fit", "diagnose": "diagnosis", "accept
 class LocalPlace:
     """A folder of results on a disk that all workers share; it may not exist yet.
 
-    The file `note` lists the workers that are writing to it. All methods raise `UsageError` on errors of the disk or of
-    the filesystem of a URL.
+    All methods raise `UsageError` on errors of the disk or of the filesystem of a URL.
     """
 
     where: str
-    note: str
 
     def read(self, name: str) -> bytes | None:
         """Return a file's content; None if it does not exist."""
@@ -62,8 +56,7 @@ class LocalPlace:
         """
         place = Path(self.where)
         with disk_errors(place):
-            if not place.exists() and _renamed_into_place(folder, place):
-                return
+            place.mkdir(parents=True, exist_ok=True)
             (place / record).unlink(missing_ok=True)
             names = sorted((path.name for path in folder.iterdir()), key=lambda name: name == record)
             for name in names:
@@ -72,23 +65,6 @@ class LocalPlace:
             for name in stale - set(names):
                 (place / name).unlink(missing_ok=True)
         add_to_manifest(place, [place / name for name in names])
-
-    def begun(self) -> str:
-        """Return the note; empty if there is none."""
-        with disk_errors(Path(self.note)):
-            return Path(self.note).read_text(encoding="utf-8") if Path(self.note).is_file() else ""
-
-    def begin(self, note: str) -> None:
-        """Write the note."""
-        path = Path(self.note)
-        with disk_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(note, encoding="utf-8")
-
-    def end(self) -> None:
-        """Remove the note."""
-        with suppress(OSError):  # a remaining note does no harm: it names a run that has ended
-            Path(self.note).unlink()
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,18 +102,6 @@ class RemotePlace:
             self.put(name, (folder / name).read_bytes())
         self._remove(stale - set(names))
 
-    def begun(self) -> str:
-        """See `LocalPlace`."""
-        return (self.read(_NOTE) or b"").decode("utf-8", "replace")
-
-    def begin(self, note: str) -> None:
-        """See `LocalPlace`."""
-        self.put(_NOTE, note.encode())
-
-    def end(self) -> None:
-        """See `LocalPlace`."""
-        self._remove({_NOTE})
-
     def _remove(self, names: set[str]) -> None:
         with remote_errors(self.where):
             system, path = filesystem(self.where)
@@ -147,9 +111,6 @@ class RemotePlace:
 
 
 Place = LocalPlace | RemotePlace
-
-_NOTE = ".begun"
-_ABANDONED_S = 600.0
 
 
 def place_of(recording: Located, verb: FleetVerb, out: str | None) -> Place:
@@ -165,7 +126,7 @@ def place_of(recording: Located, verb: FleetVerb, out: str | None) -> Place:
         name = f"{name}-{hashlib.sha256(recording.where.encode()).hexdigest()[:8]}"
         return _own(f"{out.rstrip('/')}/{name}.{KINDS[verb]}")
     if recording.kind == "campaign" and not recording.remote:
-        return LocalPlace(recording.where, f"{recording.where}/.benchctl-fleet-{verb}.begun")
+        return LocalPlace(recording.where)
     if "::" in recording.where or recording.where.startswith(("http://", "https://")):
         raise UsageError(
             f"{recording.where}: nothing can be written next to it; give --out, a folder or URL for all results"
@@ -174,36 +135,4 @@ def place_of(recording: Located, verb: FleetVerb, out: str | None) -> Place:
 
 
 def _own(where: str) -> Place:
-    if is_url(where):
-        return RemotePlace(where)
-    path = Path(where)
-    return LocalPlace(where, str(path.with_name(f".{path.name}.begun")))
-
-
-def _renamed_into_place(folder: Path, place: Path) -> bool:
-    """Copy a folder next to `place`, if necessary to another disk, and rename it; False if `place` already exists."""
-    place.parent.mkdir(parents=True, exist_ok=True)
-    _clear_left(place)
-    temporary = place.with_name(f".{place.name}.{uuid.uuid4().hex}.tmp")
-    try:
-        shutil.copytree(folder, temporary)
-        for file in temporary.iterdir():
-            sync_file(file)
-        try:
-            temporary.rename(place)
-        except OSError:
-            if place.is_dir():
-                return False
-            raise
-        sync_folder(place.parent)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-    return True
-
-
-def _clear_left(place: Path) -> None:
-    """Remove incomplete copies of killed workers that are too old to be in use."""
-    for path in place.parent.glob(f".{glob.escape(place.name)}.*.tmp"):
-        with suppress(OSError):
-            if time.time() - path.stat().st_mtime > _ABANDONED_S:
-                shutil.rmtree(path, ignore_errors=True)
+    return RemotePlace(where) if is_url(where) else LocalPlace(where)

@@ -7,8 +7,7 @@ import os
 import socket
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,9 +19,6 @@ from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import refuse_changed
 from benchctl.reports.fleet_stated import DOCUMENTS, FleetVerb, stated_in
 from benchctl_instruments.errors import BenchError, in_line, reason
-
-MOST_STARTS = 2
-"""Number of workers that a job may kill before it is considered the cause."""
 
 _one_at_a_time = threading.Lock()
 """HDF5 and the drawing of figures are not thread-safe; workers are processes."""
@@ -56,14 +52,7 @@ def _unless_done(job: Job) -> JobOutcome:
     there = record_at(job.place, job.verb)
     if there is not None and there.run == job.run:  # its worker died before it reported the result
         return JobOutcome(state="done", record=there)
-    before = starts_of(job)
-    if len(before) >= MOST_STARTS:
-        job.place.end()
-        return _failed(
-            f"{job.recording.where}: {len(before)} workers died of it: killed, out of memory, or by a fault of HDF5's "
-            f"library; try it alone: benchctl {job.verb}"
-        )
-    with _noted(job), tempfile.TemporaryDirectory(dir=_scratch()) as scratch:
+    with tempfile.TemporaryDirectory(dir=_scratch()) as scratch:
         path = fetch(job.recording, Path(scratch)) if job.recording.remote else Path(job.recording.where)
         digest = _digest(path, job)
         record = earlier(job)
@@ -96,25 +85,6 @@ def _done(job: Job, path: Path, digest: str, folder: Path, stale: set[str]) -> J
     (folder / record_name(job.verb)).write_bytes(record.as_bytes())
     job.place.land(folder, record_name(job.verb), stale)
     return JobOutcome(state="done", record=record)
-
-
-def starts_of(job: Job) -> list[str]:
-    """Return a line for each worker of this run that began a job and did not end it: run, host and process.
-
-    A worker that is killed leaves its line behind for the next one, independent of the cluster's scheduler. Raises
-    `UsageError` if the job's place cannot be read.
-    """
-    return [line for line in job.place.begun().splitlines() if line.startswith(f"{job.run} ")]
-
-
-@contextmanager
-def _noted(job: Job) -> Iterator[None]:
-    """Add a line to the note while a job is in progress, below those of other fleets."""
-    job.place.begin("\n".join([*job.place.begun().splitlines(), f"{job.run} {socket.gethostname()} {os.getpid()}"]))
-    try:
-        yield
-    finally:
-        job.place.end()
 
 
 def _digest(path: Path, job: Job) -> str:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import scipy.optimize
 
-from benchctl.diagnosis.chamber.plausible import baseline_bounds, bounded_kinds, fair_sizes, first_air_c, lasting_s
 from benchctl.diagnosis.chamber.rows import DRIVES, ChamberRows, chamber_rows_of
 from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.keys import tables_of
@@ -34,6 +33,20 @@ _BEYOND_K = 10.0
 """Margin in kelvin by which the simulated air may leave the measured range."""
 _STARTS_S, _STARTS_GAIN = (0.02, 0.1, 0.5, 2.0), (1.0, -1.0)
 """Shares of the recording's length, and signs of the gain, used as starts of the baseline fit."""
+_LENGTHS = 5.0
+"""Longest time constant in recording lengths; a longer one is not distinguishable from air that loses no heat."""
+_ROOM_C = (5.0, 40.0)
+"""Rated temperature range of laboratory equipment (IEC 61010-1, 1.4.1)."""
+_HEAT = 2.0
+"""Maximum gain, as a multiple of the gain that heats the air by its span at the longest time constant."""
+_FASTEST_DRIFT = 60.0
+"""Fastest drift, K/h; faster changes are heat storage, not drift."""
+_MOST_LOSS = 19.0
+"""Largest relative change of the loss: a closing door or stopping fan leaves at least a twentieth of the loss."""
+_EDGE = 1.0 / 40.0
+"""Share of a run next to its ends in which a change of the loss is confused with the air's start or hardly visible."""
+_OFFSET_SHARE, _LEAST_OFFSET_K = 0.5, 10.0
+_START_K, _START_STEPS = 2.0, 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,7 +217,7 @@ class ChamberProblem(MadeOfRows):
             if baseline[place] in self.bounds["ambient_c"]:  # a fit sets it exactly to the bound
                 baseline = baseline.copy()
                 baseline[place] = sum(self.bounds["ambient_c"]) / 2.0
-        for name, sizes in fair_sizes(self.rows).items():
+        for name, sizes in _fair_sizes(self.rows).items():
             if name not in self.effects or name in present:
                 continue
             made = [self.effects[name].make(values, dict(self.circumstances)) for values in sizes]
@@ -297,12 +310,12 @@ def chamber_problem(
         if rows.kind in kind.drives and name not in without and (has_second or not kind.needs_second)
     }
     believed = needed[0] in stated
-    bounds = baseline_bounds(rows)
+    bounds = _baseline_bounds(rows)
     within = {name: bounds["gain" if name.startswith("gain") else name] for name in names}
     for name in needed:
         if name in stated:  # the lab's value must be within the bounds
             within[name] = min(within[name][0], stated[name]), max(within[name][1], stated[name])
-    stated.setdefault(_START, first_air_c(rows))
+    stated.setdefault(_START, _first_air_c(rows))
     problem = ChamberProblem(
         rows=rows,
         baseline_names=names,
@@ -310,7 +323,7 @@ def chamber_problem(
         baseline_start=np.array([stated.get(name, 0.0) for name in names]),
         bounds=within,
         believed=believed,
-        effects=bounded_kinds(rows, known),
+        effects=_bounded_kinds(rows, known),
         full_scale=float(np.ptp(rows.temperature_c[rows.usable])),
         usable=rows.usable,
     )
@@ -336,7 +349,7 @@ def _estimated(problem: ChamberProblem) -> FloatArray:
     """Return the baseline (p,) that fits the temperatures best within its bounds, from several starts."""
     rows, names, used = problem.rows, problem.baseline_names, problem.usable
     low, high = np.array([problem.baseline_bounds[name] for name in names]).T
-    first_c, largest = first_air_c(rows), float(np.abs(rows.drive).max()) or 1.0
+    first_c, largest = _first_air_c(rows), float(np.abs(rows.drive).max()) or 1.0
     span = float(np.ptp(problem.measured[used]))
     scale = np.where(high - low > 0.0, high - low, 1.0)
     best, least = problem.baseline_start, math.inf
@@ -345,10 +358,79 @@ def _estimated(problem: ChamberProblem) -> FloatArray:
         return (problem.predict(low + values * scale, ()) - problem.measured)[used]
 
     for share, sign in itertools.product(_STARTS_S, _STARTS_GAIN):
-        guess = {"tau_s": share * lasting_s(rows), "ambient_c": first_c, "offset_c": 0.0, _START: first_c}
+        guess = {"tau_s": share * _lasting_s(rows), "ambient_c": first_c, "offset_c": 0.0, _START: first_c}
         start = np.array([guess.get(name, sign * span / largest) for name in names])
         inside = np.clip((start - low) / scale, 1e-6, 1.0 - 1e-6)
         found = scipy.optimize.least_squares(missed, inside, bounds=(0.0, 1.0), x_scale=np.maximum(inside, 1e-3))
         if found.cost < least:
             best, least = low + found.x * scale, float(found.cost)
     return best
+
+
+def _baseline_bounds(rows: ChamberRows) -> dict[str, tuple[float, float]]:
+    """Return bounds by name: what physics allows and what a recording of this length can show.
+
+    The gain of a heater is positive; a current may also cool.
+    """
+    span, lasts_s = float(np.ptp(rows.temperature_c[rows.usable])), _lasting_s(rows)
+    mean_drive = float(np.mean(np.abs(rows.drive))) or 1.0
+    most = _HEAT * _LENGTHS * span / mean_drive
+    least = -most if rows.channel == "current_a" else 0.0
+    first_c, about_k = _first_air_c(rows), _START_K + _START_STEPS * rows.step_c
+    offset_k = max(_OFFSET_SHARE * span, _LEAST_OFFSET_K)
+    return {
+        "gain": (least, most),
+        "tau_s": (rows.interval_s, _LENGTHS * lasts_s),
+        "ambient_c": _ROOM_C,
+        "offset_c": (-offset_k, offset_k),
+        _START: (first_c - about_k, first_c + about_k),
+    }
+
+
+def _lasting_s(rows: ChamberRows) -> float:
+    """Return the duration of the longest run [s]."""
+    return float(rows.run_s.max()) + rows.interval_s
+
+
+def _first_air_c(rows: ChamberRows) -> float:
+    """Return the air temperature at the start, the median of the first readings [°C]."""
+    return float(np.median(rows.air_c[:5]))
+
+
+def _bounded_kinds(rows: ChamberRows, kinds: Mapping[str, type[ChamberEffect]]) -> dict[str, type[DescribedEffect]]:
+    """Return the effects with bounds and starting values that suit a recording of this length."""
+    lasts_s = _lasting_s(rows)
+    limits: Mapping[tuple[str, str], tuple[float, float]] = {
+        ("dead_time", "delay_s"): (0.0, lasts_s / 4.0),
+        ("second_lag", "tau_s"): (rows.interval_s, lasts_s),
+        ("heat_store", "tau_s"): (2.0 * rows.interval_s, lasts_s),
+        ("exchange", "rate_per_s"): (0.0, 1.0 / rows.interval_s),
+        ("ambient_drift", "c_per_hour"): (-_FASTEST_DRIFT, _FASTEST_DRIFT),
+        ("loss_step", "fraction"): (-1.0, _MOST_LOSS),
+        ("loss_step", "moment"): (_EDGE, 1.0 - _EDGE),
+    }
+    return {
+        name: kind.within({one: limits[name, one] for one in kind.parameters if (name, one) in limits})
+        for name, kind in kinds.items()
+    }
+
+
+def _fair_sizes(rows: ChamberRows) -> Mapping[str, tuple[Mapping[str, float], ...]]:
+    """Return parameters of effects of moderate size, by identifier, as further starts of a fit.
+
+    If a model misses much, the influence of a small effect does not show what an effect of the true size would do.
+    """
+    lasts_s = _lasting_s(rows)
+    fair_drift = min(0.1 * float(np.ptp(rows.temperature_c[rows.usable])) * 3600.0 / lasts_s, 0.5 * _FASTEST_DRIFT)
+    return {
+        "second_lag": ({"tau_s": 0.03 * lasts_s},),
+        "dead_time": ({"delay_s": 0.02 * lasts_s},),
+        "heat_store": ({"capacity": 0.3, "tau_s": 0.1 * lasts_s}, {"capacity": 1.0, "tau_s": 0.3 * lasts_s}),
+        "exchange": ({"rate_per_s": 10.0 / lasts_s},),
+        "ambient_drift": ({"c_per_hour": fair_drift}, {"c_per_hour": -fair_drift}),
+        "radiation": ({"share": 0.5},),
+        "heater_nonlinearity": ({"curvature": 0.3},),
+        "loss_step": tuple(
+            {"fraction": fraction, "moment": place / 40} for place in range(2, 39) for fraction in (-0.8, -0.5, 1.0)
+        ),
+    }

@@ -10,12 +10,12 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal, Protocol
+from typing import Annotated, ClassVar, Literal, Protocol
 
 from pydantic import Field, field_validator
 
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.simulated.faults.schedule import FaultLog, FaultTable, PendingFaults, Place, Positive
+from benchctl_instruments.simulated.faults.schedule import LASTS, FaultLog, FaultTable, PendingFaults, Place, Positive
 from benchctl_instruments.simulated.faults.wires import Wire
 
 
@@ -105,7 +105,9 @@ class Late(LinkFault):
     """The answer is sent after the client's next request, `behind_s` of wall time before the answer to that."""
 
     kind: Literal["late"] = "late"
-    behind_s: Positive = 0.03
+    behind_s: Positive = Field(
+        default=0.03, title="Behind", description="So long before the answer to the repeated request (wall time)."
+    )
 
     def act(self, exchange: Exchange) -> Answer:
         """Hold the answer back."""
@@ -116,7 +118,7 @@ class Slow(LinkFault):
     """The answer is sent `delay_s` of wall time later, and so are the answers to all requests received meanwhile."""
 
     kind: Literal["slow"] = "slow"
-    delay_s: Positive = 0.3
+    delay_s: Positive = Field(default=0.3, title="Delay", description="So much later (wall time).")
 
     def act(self, exchange: Exchange) -> Answer:
         """Return the answer with a delay."""
@@ -158,7 +160,7 @@ class Refusal(LinkFault):
 
     kind: Literal["refusal"] = "refusal"
     needs = "refusal"
-    code: int = Field(default=4, ge=1, le=255)
+    code: int = Field(default=4, ge=1, le=255, description="Modbus' exception code.")
 
     def act(self, exchange: Exchange) -> Answer:
         """Execute nothing and return a refusal."""
@@ -170,7 +172,7 @@ class Junk(LinkFault):
     """Junk bytes appear before, in or after the answer; `junk` is their hex text."""
 
     kind: Literal["junk_before", "junk_in", "junk_after"]
-    junk: str = "ff 00 5a"
+    junk: str = Field(default="ff 00 5a", description="The bytes, in hex.")
 
     @field_validator("junk")
     @classmethod
@@ -189,7 +191,7 @@ class Split(LinkFault):
     """The answer is sent in two pieces, `gap_s` of wall time apart."""
 
     kind: Literal["split"] = "split"
-    gap_s: Positive = 0.02
+    gap_s: Positive = Field(default=0.02, title="Gap", description="Between the two pieces (wall time).")
 
     def act(self, exchange: Exchange) -> Answer:
         """Return the two halves."""
@@ -215,7 +217,7 @@ class PulledCable(LinkFault):
     """For `for_s` of wall time all requests are lost: this one, and others on any connection."""
 
     kind: Literal["pulled_cable"] = "pulled_cable"
-    for_s: Positive = 0.5
+    for_s: Annotated[Positive, LASTS] = 0.5
 
     def act(self, exchange: Exchange) -> Answer:
         """Execute nothing and return no bytes."""
@@ -230,7 +232,7 @@ class Restart(LinkFault):
     """
 
     kind: Literal["restart"] = "restart"
-    for_s: Positive = 0.3
+    for_s: Annotated[Positive, LASTS] = 0.3
 
     def act(self, exchange: Exchange) -> Answer:
         """Execute nothing, return no bytes, and reset the instrument's volatile state."""

@@ -10,20 +10,20 @@ import math
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import ClassVar, Generic, Literal, TypeVar
+from typing import Annotated, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field
 
 from benchctl_instruments.arrays import FloatArray, IntArray
-from benchctl_instruments.simulated.faults.schedule import FaultLog, FaultTable, Fired, Place, Positive, Schedule
+from benchctl_instruments.simulated.faults.schedule import LASTS, FaultLog, FaultTable, Fired, Place, Positive, Schedule
 from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine, TableMotion
 
 
 class MachineFault(FaultTable):
     """A fault of a machine; once it has begun it lasts `for_s` of bench time."""
 
-    for_s: float = Field(default=math.inf, gt=0)
+    for_s: Annotated[float, LASTS] = math.inf
 
 
 class StuckReading(MachineFault):
@@ -38,8 +38,8 @@ class OverRange(MachineFault):
     places: ClassVar[tuple[Place, ...]] = ("chamber", "digitizer")
 
     kind: Literal["over_range"] = "over_range"
-    reads: float = Field(default=1000.0, allow_inf_nan=False)
-    terminal: Literal["gyro", "thermistor"] = "thermistor"
+    reads: float = Field(default=1000.0, allow_inf_nan=False, description="°C of the air, or volts at a terminal.")
+    terminal: Literal["gyro", "thermistor"] = Field(default="thermistor", description="Of the digitizer.")
 
 
 class StallsShort(MachineFault):
@@ -48,7 +48,9 @@ class StallsShort(MachineFault):
     places: ClassVar[tuple[Place, ...]] = ("chamber",)
 
     kind: Literal["stalls_short"] = "stalls_short"
-    short_c: Positive = 5.0
+    short_c: Positive = Field(
+        default=5.0, title="Short", description="How far before the set point it comes to a halt."
+    )
 
 
 class VelocityTrip(MachineFault):
@@ -57,7 +59,7 @@ class VelocityTrip(MachineFault):
     places: ClassVar[tuple[Place, ...]] = ("rate_table",)
 
     kind: Literal["velocity_trip"] = "velocity_trip"
-    reads_dps: float = Field(default=1e4, allow_inf_nan=False)
+    reads_dps: float = Field(default=1e4, allow_inf_nan=False, title="Reads", description="What the tachometer reads.")
 
 
 class EncoderJump(MachineFault):
@@ -66,7 +68,7 @@ class EncoderJump(MachineFault):
     places: ClassVar[tuple[Place, ...]] = ("digitizer",)
 
     kind: Literal["encoder_jump"] = "encoder_jump"
-    counts: int = 50_000
+    counts: int = Field(default=50_000, description="By how much the count is off.")
 
 
 class ClockDrift(FaultTable):
@@ -75,7 +77,7 @@ class ClockDrift(FaultTable):
     places: ClassVar[tuple[Place, ...]] = ("digitizer",)
 
     kind: Literal["clock_drift"] = "clock_drift"
-    ppm: float = Field(default=20.0, gt=-1e5, lt=1e5)
+    ppm: float = Field(default=20.0, gt=-1e5, lt=1e5, title="Drift", description="How much too fast the crystal is.")
 
 
 AnyMachineFault = StuckReading | OverRange | StallsShort | VelocityTrip | EncoderJump | ClockDrift

@@ -117,6 +117,9 @@ Place = Literal["rate_table", "chamber", "digitizer", "digitizer_stream", "gyro"
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
+LASTS = Field(gt=0, title="For", description="How long it lasts.", examples=[0.5])
+"""The `for_s` of the kinds of faults that have one."""
+
 
 class FaultTable(BaseModel):
     """Fields common to all kinds of faults; `kind` identifies the kind. See `When` for the time and counting fields.
@@ -136,15 +139,25 @@ class FaultTable(BaseModel):
 
     places: ClassVar[tuple[Place, ...]] = ("rate_table", "chamber", "digitizer")
 
-    on: Place
-    kind: str
-    pattern: str = ""
-    from_s: float = Field(default=0.0, ge=0)
-    to_s: float = Field(default=math.inf, gt=0)
-    nth: int | None = Field(default=None, ge=1)
-    every: int | None = Field(default=None, ge=1)
-    every_s: Positive | None = None
-    times: int | None = Field(default=None, ge=1)
+    on: Place = Field(description="The link, or the instrument at its end.", examples=["chamber"])
+    kind: str = Field(description="What goes wrong.", examples=["silence"])
+    pattern: str = Field(
+        default="", description="A regular expression that the request must hold.", examples=["^03 0b 04"]
+    )
+    from_s: float = Field(
+        default=0.0, ge=0, title="From", description="Bench time from which it may happen.", examples=[60.0]
+    )
+    to_s: float = Field(
+        default=math.inf, gt=0, title="To", description="Bench time up to which it may happen.", examples=[120.0]
+    )
+    nth: int | None = Field(
+        default=None, ge=1, description="It happens to this one only, counted from 1.", examples=[3]
+    )
+    every: int | None = Field(default=None, ge=1, description="It happens to every so many.", examples=[50])
+    every_s: Positive | None = Field(
+        default=None, title="Every", description="It happens once in so long (bench time).", examples=[30.0]
+    )
+    times: int | None = Field(default=None, ge=1, description="It happens so often at most.", examples=[5])
 
     @field_validator("pattern")
     @classmethod

@@ -22,12 +22,12 @@ passed unchanged.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from benchctl_instruments.arrays import FloatArray
-from benchctl_instruments.simulated.faults.schedule import FaultLog, FaultTable, PendingFaults, Place, Positive
+from benchctl_instruments.simulated.faults.schedule import LASTS, FaultLog, FaultTable, PendingFaults, Place, Positive
 
 
 class StreamFault(FaultTable):
@@ -40,14 +40,14 @@ class StreamGap(StreamFault):
     """Packets are lost: this one and the following ones, `packets` in total."""
 
     kind: Literal["stream_gap"] = "stream_gap"
-    packets: int = Field(default=1, ge=1)
+    packets: int = Field(default=1, ge=1, description="How many are lost.")
 
 
 class Overrun(StreamFault):
     """Before this packet the instrument's buffer is full: it skips `scans` scans, reports this, and continues."""
 
     kind: Literal["overrun"] = "overrun"
-    scans: int = Field(default=50, ge=1, le=0xFFFF)
+    scans: int = Field(default=50, ge=1, le=0xFFFF, description="How many are skipped.")
 
 
 class StreamCut(StreamFault):
@@ -66,7 +66,7 @@ class StreamStalls(StreamFault):
     """Nothing is sent for `for_s` of wall time; meanwhile the instrument's buffer fills."""
 
     kind: Literal["stream_stalls"] = "stream_stalls"
-    for_s: Positive = 0.5
+    for_s: Annotated[Positive, LASTS] = 0.5
 
 
 class StreamEnds(StreamFault):

@@ -11,8 +11,8 @@ import scipy.signal
 from hypothesis import given
 from hypothesis import strategies as st
 
-import benchctl.estimation.filtered_runs as made
-from benchctl.estimation.filtered_runs import filtered, without_innovations
+from benchctl.estimation import noise
+from benchctl.estimation.noise import filtered, without_innovations
 from benchctl_instruments.arrays import FloatArray
 
 SECTIONS = np.array([[1.0, -1.9, 0.901, 1.0, -1.2, 0.32], [1.0, -1.0, 0.0, 1.0, -0.97, 0.0]])
@@ -51,7 +51,7 @@ def test_how_many_rows_are_filtered_at_once_changes_nothing(monkeypatch: pytest.
     runs = runs_of([10] * 50)
     values = np.random.default_rng(2).standard_normal((2, 500))
     at_once = filtered(SECTIONS, values, runs, [NOTHING_LOST] * 50)
-    monkeypatch.setattr(made, "_TOGETHER", 70)
+    monkeypatch.setattr(noise, "_TOGETHER", 70)
     assert np.array_equal(filtered(SECTIONS, values, runs, [NOTHING_LOST] * 50), at_once)
 
 

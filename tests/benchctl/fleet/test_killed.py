@@ -1,4 +1,4 @@
-"""Workers killed by SIGKILL while they work, under a scheduler and workers that were started by hand."""
+"""Workers killed by SIGKILL while they work, and a scheduler that was started by hand."""
 
 from __future__ import annotations
 
@@ -6,45 +6,47 @@ import json
 import os
 import re
 import signal
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
 
+from benchctl.campaign.stop import StopRequest
+from benchctl.fleet.cluster import connected, outcomes
+from benchctl.fleet.job import JobOutcome
+from benchctl.fleet.places import LocalPlace
 from tests.benchctl.cli.processes import benchctl, started
 from tests.benchctl.fleet.clusters import LONGEST_S, dask_cluster
-from tests.benchctl.fleet.made import points
+from tests.benchctl.fleet.made import job_of, points
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
-@contextmanager
-def killing(note: Path, times: int) -> Iterator[set[int]]:
-    """Kill the worker that says in the note that it is at work, each process once, so many of them."""
-    killed: set[int] = set()
-    over = threading.Event()
+@dataclass(frozen=True, slots=True)
+class _Deadly(LocalPlace):
+    """A folder of results that kills so many workers while they store them."""
 
-    def watch() -> None:
-        while not over.is_set() and len(killed) < times:
-            try:
-                process = int(note.read_text().splitlines()[-1].split()[2])
-            except (OSError, IndexError):
-                time.sleep(0.01)
-                continue
-            if process not in killed:
-                killed.add(process)
-                os.kill(process, signal.SIGKILL)
+    times: int
 
-    thread = threading.Thread(target=watch)
-    thread.start()
-    try:
-        yield killed
-    finally:
-        over.set()
-        thread.join()
+    def land(self, folder: Path, record: str, stale: set[str]) -> None:
+        dead = Path(f"{self.where}.dead")
+        died = len(dead.read_text()) if dead.exists() else 0
+        if died < self.times:
+            dead.write_text("x" * (died + 1))
+            Path(self.where).mkdir(exist_ok=True)
+            (Path(self.where) / "coefficients.json").write_text("{")
+            os.kill(os.getpid(), signal.SIGKILL)
+        LocalPlace.land(self, folder, record, stale)
+
+
+def fitted_with_deaths(folder: Path, times: int) -> tuple[dict[str, JobOutcome], int]:
+    """What comes of the units if the third one kills so many workers: outcomes by name, and how many it killed."""
+    jobs = [job_of(path) for path in sorted(folder.glob("*.h5"))]
+    jobs[3] = replace(jobs[3], place=_Deadly(jobs[3].place.where, times))
+    with connected(None, 2) as client:
+        ended = {job.recording.name: outcome for job, outcome in outcomes(client, jobs, StopRequest())}
+    return ended, len((folder / "u3.fit.dead").read_text())
 
 
 def fit_of(folder: Path, *arguments: str) -> dict[str, object]:
@@ -66,22 +68,18 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_worker_that_is_killed_at_work_loses_nothing(folder: Path) -> None:
-    with killing(folder / ".u3.fit.begun", times=1) as killed:
-        told = fit_of(folder, "--workers", "2")
-    assert len(killed) == 1
-    assert told["recordings"] == {"total": 6, "done": 6, "kept": 0, "failed": 0, "left": 0}
-    assert len(list(folder.glob("*.fit/coefficients.json"))) == 6
+    ended, killed = fitted_with_deaths(folder, times=1)
+    assert killed == 1
+    assert {name: outcome.state for name, outcome in ended.items()} == {f"u{number}": "done" for number in range(6)}
+    assert len([json.loads(path.read_bytes()) for path in folder.glob("*.fit/coefficients.json")]) == 6
     assert not list(folder.glob(".*"))
 
 
-def test_what_kills_its_worker_twice_is_reported_and_does_not_stop_the_rest(tmp_path: Path, folder: Path) -> None:
-    with dask_cluster(tmp_path, workers=2) as (address, _), killing(folder / ".u3.fit.begun", times=9) as killed:
-        told = fit_of(folder, "--scheduler", address)
-    assert len(killed) == 2
-    assert told["recordings"] == {"total": 6, "done": 5, "kept": 0, "failed": 1, "left": 0}
-    (failure,) = told["failures"]  # type: ignore[misc]  # a list
-    assert failure["recording"] == str(folder / "u3.h5")
-    assert "2 workers died of it" in failure["says"]
+def test_what_kills_its_worker_twice_is_reported_and_does_not_stop_the_rest(folder: Path) -> None:
+    ended, killed = fitted_with_deaths(folder, times=9)
+    assert killed == 2
+    assert {name for name, outcome in ended.items() if outcome.state == "done"} == {"u0", "u1", "u2", "u4", "u5"}
+    assert ended["u3"].reason.startswith(f"{folder / 'u3.h5'}: 2 workers died of it: killed, out of memory")
     again = fit_of(folder)
     assert again["recordings"] == {"total": 6, "done": 1, "kept": 5, "failed": 0, "left": 0}
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -60,7 +59,7 @@ def test_in_one_folder_for_all_two_recordings_of_one_name_do_not_meet_and_names_
 def place(request: pytest.FixtureRequest, tmp_path: Path) -> Place:
     """A folder of results that is not there yet."""
     where = str(tmp_path / "a.fit")
-    return LocalPlace(where, str(tmp_path / ".a.begun")) if request.param == "local" else RemotePlace(f"file://{where}")
+    return LocalPlace(where) if request.param == "local" else RemotePlace(f"file://{where}")
 
 
 def test_a_place_takes_a_folder_over_and_gives_its_files_back(place: Place, tmp_path: Path) -> None:
@@ -80,7 +79,7 @@ def test_results_are_replaced_one_by_one_and_what_people_keep_there_stays(place:
 
 def test_a_landing_that_is_refused_leaves_no_record_behind(tmp_path: Path) -> None:
     folder = tmp_path / "a.fit"
-    place = LocalPlace(str(folder), str(tmp_path / ".a.begun"))
+    place = LocalPlace(str(folder))
     place.land(results(tmp_path / "made", report="old"), "record", set())
     (folder / "report").unlink()
     (folder / "report").mkdir()
@@ -89,19 +88,10 @@ def test_a_landing_that_is_refused_leaves_no_record_behind(tmp_path: Path) -> No
     assert place.read("record") is None
 
 
-def test_what_a_killed_worker_left_half_copied_is_cleared_away_and_what_is_being_copied_stays(tmp_path: Path) -> None:
-    for name in ("old", "new"):
-        results(tmp_path / f".a.fit.{name}.tmp")
-    os.utime(tmp_path / ".a.fit.old.tmp", (1.0, 1.0))
-    LocalPlace(str(tmp_path / "a.fit"), "").land(results(tmp_path / "made", report="hello"), "record", set())
-    assert {path.name for path in (tmp_path / "a.fit").iterdir()} == {"record", "report"}
-    assert {path.name for path in tmp_path.glob(".*")} == {".a.fit.new.tmp"}
-
-
 @pytest.mark.slow
 def test_two_that_land_in_one_place_at_once_leave_one_whole_folder(tmp_path: Path) -> None:
     made = [results(tmp_path / f"made{number}", report="r" * 100_000, page="p") for number in range(20)]
-    place = LocalPlace(str(tmp_path / "a.fit"), "")
+    place = LocalPlace(str(tmp_path / "a.fit"))
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
         list(pool.map(place.land, made, ["record"] * len(made), [set()] * len(made)))
     assert {path.name: path.stat().st_size for path in (tmp_path / "a.fit").iterdir()} == {
@@ -126,14 +116,6 @@ def test_results_in_a_campaigns_folder_are_in_its_manifest(tmp_path: Path) -> No
     write_manifest(campaign)
     made = results(tmp_path / "made", **{"report.html": "hello"})
     (made / "record").rename(made / ".record")
-    LocalPlace(str(campaign), "").land(made, ".record", set())
+    LocalPlace(str(campaign)).land(made, ".record", set())
     assert (campaign / ".record").exists()
     assert verify(campaign) == []
-
-
-def test_the_note_is_there_from_begin_to_end(place: Place) -> None:
-    assert place.begun() == ""
-    place.begin("run host 1")
-    assert place.begun() == "run host 1"
-    place.end()
-    assert place.begun() == ""

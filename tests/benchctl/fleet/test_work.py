@@ -11,7 +11,7 @@ from pathlib import Path
 import benchctl
 from benchctl.app.fit import fit_recordings
 from benchctl.fleet.job import Job, JobOutcome, kept, record_name
-from benchctl.fleet.work import MOST_STARTS, work
+from benchctl.fleet.work import work
 from tests.benchctl.fleet.made import job_of, points
 
 
@@ -135,14 +135,3 @@ def test_what_is_done_in_a_run_is_not_done_twice_in_it_whatever_was_asked(tmp_pa
     assert (tmp_path / "a.fit" / "report.html").stat().st_mtime_ns == written
     assert do(replace(job, run="next")).state == "done"
     assert (tmp_path / "a.fit" / "report.html").stat().st_mtime_ns > written
-
-
-def test_a_job_of_which_two_workers_died_is_given_up_but_tried_again_by_the_next_run(tmp_path: Path) -> None:
-    job = job_of(points(tmp_path / "a.h5", 1), run="first")
-    for _ in range(MOST_STARTS):
-        job.place.begin("\n".join([*job.place.begun().splitlines(), "first host 1"]))  # as a killed worker leaves it
-    outcome = do(job)
-    assert outcome.state == "failed"
-    assert "2 workers died of it" in outcome.reason
-    job.place.begin("first host 1\nfirst host 2")
-    assert do(replace(job, run="second")).state == "done"
