@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchctl.calibration.coefficients import applied_of
 from benchctl.calibration.discovered import NOT_TAKEN_OFF, Discovered
 from benchctl.calibration.free_motion import FreeMotionFit, fit_free_motion_of
 from benchctl.calibration.joint import THERMAL_LAG
-from benchctl.calibration.laws_fit import fit_laws, law_of, only_free_motion
-from benchctl.calibration.model import earth_rate_dps
+from benchctl.calibration.laws_fit import fit_laws, only_free_motion
+from benchctl.calibration.model import AppliedLaw
 from benchctl.calibration.result import (
     BeforeAfter,
     CalibrationOptions,
@@ -28,7 +29,7 @@ from benchctl.calibration.result import (
 )
 from benchctl.calibration.rows import gather
 from benchctl.calibration.stage_one import StageOne, line_in_motion, mean_points, stage_one, what_it_carries
-from benchctl.calibration.stage_two import Compensator, by_law, by_line, by_stages, mean_rate, stage_two
+from benchctl.calibration.stage_two import by_stages, mean_rate, stage_two
 from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.recordings.model import Meta, Step
 from benchctl.recordings.stated import stated_of
@@ -37,6 +38,7 @@ from benchctl.signals.reduce import ReducedStep, reduce_steps
 from benchctl.signals.segments import CHANNELS
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.gyro import earth_rate_dps
 
 _MOVING_DPS = 2.0
 _CONSTANT = 1e-9  # relative; a 24-bit converter resolves 6e-8
@@ -73,7 +75,7 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
         warnings += [f"{name} is not taken off the output: {NOT_TAKEN_OFF}." for name in options.discovered.left]
     latitude = options.latitude_deg if options.latitude_deg is not None else meta.bench.latitude_deg
     bench = replace(meta.bench, latitude_deg=latitude)
-    earth = earth_rate_dps(latitude)
+    earth = 0.0 if latitude is None else earth_rate_dps(latitude)
     if latitude is None:
         warnings.append("The latitude is not known: the Earth's rate (up to 0.0042 °/s) is part of U0.")
     verify = _kept_aside(reduced, options, warnings, notes)
@@ -91,20 +93,21 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
         points, first = _stage_one(coils, verify, T0_c, earth, options)
     moving = [step for step in coils if step.kind == "motion" and step.key not in verify]
     warnings.extend(first.warnings)
-    levels = {"raw": Level(compensate=by_line(first.line), delay_s=0.0)}
+    line = AppliedLaw(name="polynomial", K0_v_per_dps=first.line.K0_v_per_dps, U0_v=first.line.U0_v, T0_c=T0_c)
+    levels = {"raw": line}
     stages = [_first_stage(first)]
-    levels["stage_1"] = Level(compensate=by_stages(stages), delay_s=0.0)
+    levels["stage_1"] = by_stages(stages)
     free_only = only_free_motion(fitted)
     if moving:
         orders = (options.orders_2[0], 0 if free_only else options.orders_2[1])
         stages.append(stage_two(stages[0], gather(moving, T0_c), earth, orders))
-        levels["stage_2"] = Level(compensate=by_stages(stages), delay_s=stages[1].delay_s)
+        levels["stage_2"] = by_stages(stages)
     else:
         warnings.append("Stage 2 is left out: the recording has no run in motion (sine) to be fitted.")
     warnings.extend(fit_notes)
     for fit in joint:
-        levels[f"joint_{fit.law}"] = _joint_level(fit)
-    levels["joint"] = _joint_level(joint[0])
+        levels[f"joint_{fit.law}"] = applied_of({one.name: one.value for one in fit.parameters}, fit.law, T0_c)
+    levels["joint"] = levels[f"joint_{joint[0].law}"]
     residuals, runs = measure(levels, reduced, verify, T0_c, earth)
     errors, rms = largest(runs)
     masked = sum(step.masked for step in reduced)
@@ -303,12 +306,6 @@ def _first_stage(first: StageOne) -> Stage:
     )
 
 
-def _joint_level(fit: JointFit) -> Level:
-    """Return the level of compensation of a joint fit."""
-    delay = next((parameter.value for parameter in fit.parameters if parameter.name == "delay_s"), 0.0)
-    return Level(compensate=by_law(*law_of(fit)), delay_s=delay)
-
-
 def _with_errors(stages: Sequence[Stage], errors: dict[str, float], rms: dict[str, float]) -> tuple[Stage, ...]:
     """Return the stages with the errors before and after each."""
     names = ("raw", "stage_1", "stage_2")
@@ -340,14 +337,6 @@ def _smoother(steps: Sequence[ReducedStep], meta: Meta) -> SmootherFacts | None:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Level:
-    """A level of compensation: its conversion of volts to a rate, and its delay, s."""
-
-    compensate: Compensator
-    delay_s: float
-
-
 def percent(residual_dps: FloatArray, rate_dps: FloatArray) -> tuple[float, float]:
     """Return `error_percent` and `rms_percent` of one run; NaN residuals (beyond the law's reach) count as 100 %.
 
@@ -361,7 +350,7 @@ def percent(residual_dps: FloatArray, rate_dps: FloatArray) -> tuple[float, floa
 
 
 def measure(
-    levels: Mapping[str, Level],
+    levels: Mapping[str, AppliedLaw],
     steps: Sequence[ReducedStep],
     verify: frozenset[tuple[int, int]],
     T0_c: float,
@@ -373,8 +362,7 @@ def measure(
     """
     rows = gather(steps, T0_c)
     residual = {
-        name: mean_rate(level.compensate, rows) - rows.true_rate(level.delay_s) - earth_rate_dps
-        for name, level in levels.items()
+        name: mean_rate(level, rows) - rows.true_rate(level.delay_s) - earth_rate_dps for name, level in levels.items()
     }
     ends = [*rows.start[1:], rows.step.size]
     runs = []

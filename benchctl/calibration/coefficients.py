@@ -23,7 +23,6 @@ Every number of the law in a file is validated.
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -37,10 +36,10 @@ from benchctl.atomic import whole_file
 from benchctl.calibration.discovered import discovered_in
 from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl.calibration.model import AppliedLaw, Factors
-from benchctl.calibration.result import CalibrationResult, FittedParameter, JointFit, PolynomialFactor, Stage
+from benchctl.calibration.result import CalibrationResult, FittedParameter, JointFit, LawName, PolynomialFactor, Stage
 from benchctl.calibration.static_points_fit import PointsFit, StaticPointsResult
 from benchctl.calibration.uncertainty import LEVEL, coverage_factor
-from benchctl.documents import read_json
+from benchctl.documents import json_values, read_json
 from benchctl.limits import listed
 from benchctl.recordings.import_open import first_fault
 from benchctl_instruments.arrays import FloatArray
@@ -76,7 +75,7 @@ class _Parameter(_Part):
 
 
 class _Joint(_Part):
-    law: Literal["sine", "polynomial", "response"]
+    law: LawName
     parameters: dict[str, _Parameter]
 
 
@@ -155,15 +154,20 @@ def _of_joint(found: Coefficients) -> AppliedLaw:
     if joint is None:
         raise UsageError("these coefficients hold no joint fit; compensate by their stages")
     values = {name: parameter.value for name, parameter in joint.parameters.items()}
-    sine = joint.law == "sine"
-    for name in ("K0_v_per_dps", "U0_v", *(("S_rad_per_dps",) if sine else ())):
+    for name in ("K0_v_per_dps", "U0_v", *(("S_rad_per_dps",) if joint.law == "sine" else ())):
         if name not in values:
             raise UsageError(f"the joint fit, law {joint.law}, has no {name}; write it with `benchctl fit`")
+    return applied_of(values, joint.law, found.T0_c or 0.0)
+
+
+def applied_of(values: Mapping[str, float], law: LawName, T0_c: float) -> AppliedLaw:
+    """Return a law of a joint fit with the values of the fit's parameters by name."""
+    sine = law == "sine"
     return AppliedLaw(
-        name=joint.law,
+        name=law,
         K0_v_per_dps=values["K0_v_per_dps"],
         U0_v=values["U0_v"],
-        T0_c=found.T0_c or 0.0,
+        T0_c=T0_c,
         bias=_terms(values, "c", 1),
         S_rad_per_dps=values["S_rad_per_dps"] if sine else 0.0,
         stages=(Factors(k_t=_terms(values, "g" if sine else "a", 1), k_omega=() if sine else _terms(values, "b", 2)),),
@@ -186,7 +190,6 @@ def _of_stages(found: Coefficients) -> AppliedLaw:
         U0_v=found.U0_v,
         T0_c=found.T0_c or 0.0,
         bias=tuple(last.U0_T),
-        S_rad_per_dps=0.0,
         stages=tuple(
             Factors(k_t=tuple(stage.k_t.coefficients), k_omega=tuple(stage.k_omega.coefficients))
             for stage in found.stages
@@ -244,7 +247,7 @@ def coefficients(result: CalibrationResult, source: Sequence[tuple[str, str]]) -
     }
     if result.discovered:
         content["discovered"] = result.discovered.as_json()
-    finite: dict[str, Any] = _finite(content)
+    finite: dict[str, Any] = json_values(content)
     return finite
 
 
@@ -370,17 +373,6 @@ def _uncertainty(parameter: FittedParameter) -> dict[str, Any]:
             for part in parameter.budget
         ],
     }
-
-
-def _finite(value: Any) -> Any:
-    """Replace NaN and infinities, which JSON does not have, by null."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return value
 
 
 def points_coefficients(

@@ -9,8 +9,16 @@ from dataclasses import replace
 import numpy as np
 
 from benchctl.calibration.joint import THERMAL_LAG, JointProblem, JointSolution, fit_joint, predict
-from benchctl.calibration.model import EARTH_DPS, Law
-from benchctl.calibration.result import CalibrationOptions, Contribution, FittedParameter, JointFit, Noise, StraightLine
+from benchctl.calibration.model import Law
+from benchctl.calibration.result import (
+    CalibrationOptions,
+    Contribution,
+    FittedParameter,
+    JointFit,
+    LawName,
+    Noise,
+    StraightLine,
+)
 from benchctl.calibration.rows import gather
 from benchctl.calibration.stage_one import Carries, what_it_carries
 from benchctl.calibration.thermistor import ThermalHistory
@@ -21,6 +29,7 @@ from benchctl.recordings.stated import Stated, StatedUncertainties
 from benchctl.signals.reduce import ReducedStep
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.gyro import EARTH_DPS
 
 _CURVED_FROM_DPS = 60.0
 _SURE_OF_BEND = 10.0
@@ -218,7 +227,7 @@ def _rate_terms(
     return 0
 
 
-def _laws(options: CalibrationOptions, curved: bool, bend: float, warnings: list[str]) -> tuple[str, ...]:
+def _laws(options: CalibrationOptions, curved: bool, bend: float, warnings: list[str]) -> tuple[LawName, ...]:
     """Return the laws to fit; a sine only if the output falls short of the line, as an interferometer's does."""
     if options.law in ("polynomial", "response"):
         return (options.law,)

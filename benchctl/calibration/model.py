@@ -24,14 +24,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 
 from benchctl.calibration.discovered import Discovered
-from benchctl.calibration.result import Argument, Convention
+from benchctl.calibration.result import Argument, Convention, LawName
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.response_gyro import one_plus
 
 _NEWTON_STEPS = 30
 _CONVERGED_DPS = 1e-10
@@ -44,7 +44,7 @@ class Law:
     `rate_terms` is 1 for the sine (S), 0 … 3 for the polynomials; `temperature_terms` 0 … 3.
     """
 
-    name: str
+    name: LawName
     rate_terms: int
     temperature_terms: int
 
@@ -82,18 +82,18 @@ class Law:
     def volts(self, parameters: FloatArray, rate_dps: FloatArray, dt_c: FloatArray) -> FloatArray:
         """Return the output minus its bias at a true rate, V; arrays of one shape."""
         gain = parameters[0]
-        warm = factor(parameters[1 + self.rate_terms :], dt_c)
+        warm = one_plus(parameters[1 + self.rate_terms :], dt_c)
         bend = parameters[1 : 1 + self.rate_terms]
         if self.name == "sine":
             return np.asarray(gain * warm * np.sin(bend[0] * rate_dps) / bend[0])
         if self.name == "response":
-            return np.asarray(gain * warm * rate_dps * factor(bend, rate_dps**2))
+            return np.asarray(gain * warm * rate_dps * one_plus(bend, rate_dps**2))
         return np.asarray(gain * _solve_odd(bend, rate_dps / warm))
 
     def rate(self, parameters: FloatArray, volts: FloatArray, dt_c: FloatArray) -> FloatArray:
         """Return the true rate for an output minus its bias, °/s; NaN beyond the law's reach (sine: |S·x| > 1)."""
         indicated = volts / parameters[0]
-        warm = factor(parameters[1 + self.rate_terms :], dt_c)
+        warm = one_plus(parameters[1 + self.rate_terms :], dt_c)
         bend = parameters[1 : 1 + self.rate_terms]
         if self.name == "sine":
             argument = bend[0] * indicated / warm
@@ -101,7 +101,7 @@ class Law:
             return np.where(inside, np.arcsin(np.where(inside, argument, 0.0)) / bend[0], np.nan)
         if self.name == "response":
             return _solve_odd(bend, indicated / warm)
-        return np.asarray(indicated * warm * factor(bend, indicated**2))
+        return np.asarray(indicated * warm * one_plus(bend, indicated**2))
 
     def volts_and_slopes(
         self, parameters: FloatArray, rate_dps: FloatArray, dt_c: FloatArray
@@ -119,17 +119,9 @@ class Law:
         return value, slopes, by_rate
 
 
-def factor(coefficients: Sequence[float] | FloatArray, argument: FloatArray) -> FloatArray:
-    """Return 1 + c1·z + c2·z² + …; z is ΔT, or ω² for a factor in even powers."""
-    total = np.zeros_like(argument, dtype=np.float64)
-    for coefficient in reversed(list(coefficients)):
-        total = (total + coefficient) * argument
-    return np.asarray(1.0 + total)
-
-
 def bias(coefficients: Sequence[float], dt_c: FloatArray) -> FloatArray:
     """Return c1·ΔT + c2·ΔT² + …, V."""
-    return factor(coefficients, dt_c) - 1.0
+    return one_plus(coefficients, dt_c) - 1.0
 
 
 def _solve_odd(bend: FloatArray, target: FloatArray) -> FloatArray:
@@ -144,7 +136,7 @@ def _solve_odd(bend: FloatArray, target: FloatArray) -> FloatArray:
     reach = max(float(np.max(np.abs(target), initial=0.0)), 1.0)
     for _ in range(_NEWTON_STEPS):
         square = x * x
-        change = (x * factor(bend, square) - target) / np.maximum(factor(slopes, square), 0.05)
+        change = (x * one_plus(bend, square) - target) / np.maximum(one_plus(slopes, square), 0.05)
         x -= np.clip(change, -reach, reach)
         if float(np.max(np.abs(change), initial=0.0)) < _CONVERGED_DPS:
             return x
@@ -154,17 +146,6 @@ def _solve_odd(bend: FloatArray, target: FloatArray) -> FloatArray:
         "use it inside `valid`, or the sine law"
     )
 
-
-EARTH_DPS = 15.041 / 3600.0
-"""The Earth's rotation relative to the stars, °/s."""
-
-
-def earth_rate_dps(latitude_deg: float | None) -> float:
-    """Return the component along a vertical axis, positive counter-clockwise from above in the north; 0 if unknown."""
-    return 0.0 if latitude_deg is None else float(EARTH_DPS * np.sin(np.deg2rad(latitude_deg)))
-
-
-LawName = Literal["sine", "polynomial", "response"]
 
 _WIDENINGS = 80
 _WIDER = 1.1
@@ -191,10 +172,10 @@ class AppliedLaw:
     K0_v_per_dps: float
     U0_v: float
     T0_c: float
-    bias: tuple[float, ...]
-    S_rad_per_dps: float
-    stages: tuple[Factors, ...]
-    delay_s: float
+    bias: tuple[float, ...] = ()
+    S_rad_per_dps: float = 0.0
+    stages: tuple[Factors, ...] = ()
+    delay_s: float = 0.0
     discovered: Discovered = field(default_factory=Discovered)
 
     @property
@@ -209,17 +190,19 @@ class AppliedLaw:
         return self._rate_dps(volts, celsius)
 
     def _rate_dps(self, volts: FloatArray, celsius: FloatArray) -> FloatArray:
-        """Return the same for an output without discovered structures."""
+        return self.sensed_dps(volts, celsius - self.T0_c)
+
+    def sensed_dps(self, volts: FloatArray, dt_c: FloatArray) -> FloatArray:
+        """Return sensed rates [°/s] of outputs [V] without discovered structures, at ΔT [°C]; as `rate_dps`."""
         with np.errstate(all="ignore"):
-            dt = celsius - self.T0_c
-            x = (volts - self.U0_v - bias(self.bias, dt)) / self.K0_v_per_dps
+            x = (volts - self.U0_v - bias(self.bias, dt_c)) / self.K0_v_per_dps
             if self.name == "sine":
-                sine = self.S_rad_per_dps * x / factor(self.stages[0].k_t, dt)
+                sine = self.S_rad_per_dps * x / one_plus(self.stages[0].k_t, dt_c)
                 return np.asarray(np.arcsin(sine) / self.S_rad_per_dps)
             if self.name == "response":
-                return odd_inverse(self.stages[0].k_omega, x / factor(self.stages[0].k_t, dt))
+                return odd_inverse(self.stages[0].k_omega, x / one_plus(self.stages[0].k_t, dt_c))
             for stage in self.stages:
-                x = x * factor(stage.k_t, dt) * factor(stage.k_omega, x**2)
+                x = x * one_plus(stage.k_t, dt_c) * one_plus(stage.k_omega, x**2)
             return np.asarray(x)
 
     def volts(self, rate_dps: FloatArray, celsius: FloatArray) -> FloatArray:
@@ -286,7 +269,7 @@ def reach(bend: Sequence[float]) -> tuple[float, float]:
     roots = np.concatenate([np.roots([1.0 - slope, *scaled]) for slope in (FLATTEST, STEEPEST)])
     real = roots.real[(roots.real > 0.0) & (np.abs(roots.imag) <= _REAL * np.abs(roots))]
     end = min(math.sqrt(1.0 / (size * float(np.max(real, initial=_STRAIGHT)))), FASTEST_DPS)
-    return end, end * float(factor(bend, np.array(end * end)))
+    return end, end * float(one_plus(bend, np.array(end * end)))
 
 
 def odd_inverse(bend: Sequence[float], target: FloatArray) -> FloatArray:
@@ -303,9 +286,9 @@ def odd_inverse(bend: Sequence[float], target: FloatArray) -> FloatArray:
     moving = np.ones_like(there)
     for _ in range(STEPS):
         square = x * x
-        excess = x * factor(bend, square) - wanted
+        excess = x * one_plus(bend, square) - wanted
         low, high = np.where(excess > 0.0, low, x), np.where(excess > 0.0, x, high)
-        newton = x - excess / factor(slopes(bend), square)
+        newton = x - excess / one_plus(slopes(bend), square)
         # Newton's method alone may oscillate for ever where p changes from flat to steep.
         trusted = (newton >= low) & (newton <= high) & (2.0 * np.abs(excess) <= before)
         following = np.where(trusted, newton, 0.5 * (low + high))

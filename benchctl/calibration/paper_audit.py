@@ -17,10 +17,10 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from benchctl.calibration.calibrate import calibrate
-from benchctl.calibration.model import factor
 from benchctl.calibration.result import CalibrationOptions, CalibrationResult
 from benchctl.recordings.model import Meta, Step
 from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.physics.response_gyro import one_plus
 
 K_T_1 = (1.315e-4, -2.066e-6)
 K_OMEGA_1 = (3.02e-6, 5.89e-11)
@@ -70,20 +70,20 @@ def audit(steps: Iterable[Step] | None = None, meta: Meta | None = None) -> Pape
 
 def k_minus_one_percent(coefficients: tuple[float, ...], argument: float) -> float:
     """Return 100·(k − 1) of a factor at its argument: ω² for k(ω), T for k(T)."""
-    return 100 * (float(factor(coefficients, np.array([argument]))[0]) - 1)
+    return 100 * (float(one_plus(coefficients, np.array([argument]))[0]) - 1)
 
 
 def indicated(rate_dps: FloatArray) -> FloatArray:
     """Return the x with x·k1(x) = ω: the gyro's indication at a true rate by the paper's stage-1 polynomial."""
     return np.array(
-        [brentq(lambda x, w=w: x * factor(K_OMEGA_1, np.array([x * x]))[0] - w, -1e3, 1e3) for w in rate_dps]
+        [brentq(lambda x, w=w: x * one_plus(K_OMEGA_1, np.array([x * x]))[0] - w, -1e3, 1e3) for w in rate_dps]
     )
 
 
 def implied_sine(range_dps: float = SINE_RANGE_DPS) -> tuple[float, float]:
     """Return S [rad/(°/s)] whose inverse sine best fits the printed k1(ω) for |x| ≤ range, and the misfit, percent."""
     x = np.linspace(1.0, range_dps, 400)
-    printed = factor(K_OMEGA_1, x**2)
+    printed = one_plus(K_OMEGA_1, x**2)
 
     def misfit(S: float) -> FloatArray:
         return np.asarray(np.arcsin(S * x) / (S * x) - printed)
@@ -116,7 +116,7 @@ def _eight_to_ten() -> PaperPoint:
         float(np.sqrt(brentq(lambda square, p=p: k_minus_one_percent(K_OMEGA_1, square) - p, 1.0, 1e5)))
         for p in (8.0, 10.0)
     )
-    true = [float(x * factor(K_OMEGA_1, np.array([x * x]))[0]) for x in (low, high)]
+    true = [float(x * one_plus(K_OMEGA_1, np.array([x * x]))[0]) for x in (low, high)]
     return PaperPoint(
         number=2,
         claim="Near the end of the range table and gyro differ by 8 to 10 %.",
@@ -149,7 +149,7 @@ def _inverse_of_sine() -> PaperPoint:
 
 def _room_temperature() -> PaperPoint:
     first = k_minus_one_percent(K_T_1, ROOM_C)
-    both = 100 * (float((factor(K_T_1, np.array([ROOM_C])) * factor(K_T_2, np.array([ROOM_C])))[0]) - 1)
+    both = 100 * (float((one_plus(K_T_1, np.array([ROOM_C])) * one_plus(K_T_2, np.array([ROOM_C])))[0]) - 1)
     return PaperPoint(
         number=4,
         claim="k(T) = 1 + 1.315e-4·T − 2.066e-6·T², with K0 the scale factor at room temperature.",

@@ -54,6 +54,7 @@ class CalibrationOptions:
 
 Convention = Literal["correction", "response"]
 Argument = Literal["indicated", "true"]
+LawName = Literal["sine", "polynomial", "response"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +184,7 @@ class JointFit:
     encoder's `encoder_cos1_arcsec`, …) are parameters like the others.
     """
 
-    law: str
+    law: LawName
     convention: Convention
     argument: Argument
     parameters: tuple[FittedParameter, ...]

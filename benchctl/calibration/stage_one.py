@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.calibration.model import factor
 from benchctl.calibration.result import MeanPoints, PolynomialFactor, StraightLine, TemperaturePoint
 from benchctl.calibration.rows import Rows
 from benchctl.estimation.linear import LinearFit, fit_linear
 from benchctl.signals.reduce import ReducedStep
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.response_gyro import one_plus
 
 K0_LIMIT_DPS = 40.0
 SLOPE_LIMIT_DPS = 50.0
@@ -107,9 +107,9 @@ def stage_one(
         warnings.append(
             f"K0 is a slope over rates up to {narrow.limit:.3g} °/s: there are too few below {K0_LIMIT_DPS:g} °/s."
         )
-    warm = float(factor(k_t.coefficients, dt[[room]])[0])
+    warm = float(one_plus(k_t.coefficients, dt[[room]])[0])
     k0 = narrow.slope * warm
-    offset = u0 + float(factor(u0_t, dt[[room]])[0]) - 1.0
+    offset = u0 + float(one_plus(u0_t, dt[[room]])[0]) - 1.0
     k_omega = _k_of_rate(points, room_group, k0 / warm, offset, earth_rate_dps, orders[1], warnings)
     return StageOne(
         line=StraightLine(K0_v_per_dps=narrow.slope, U0_v=narrow.bias, rate_limit_dps=narrow.limit),

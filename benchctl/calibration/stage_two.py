@@ -8,53 +8,44 @@ Rates at every level of compensation, from volts and temperature, are computed h
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import factorial
 
 import numpy as np
 
-from benchctl.calibration.model import Law, bias, factor
-from benchctl.calibration.result import BeforeAfter, PolynomialFactor, Share, Stage, StraightLine
+from benchctl.calibration.model import AppliedLaw, Factors
+from benchctl.calibration.result import BeforeAfter, PolynomialFactor, Share, Stage
 from benchctl.calibration.rows import Rows
 from benchctl.estimation.linear import clustered_covariance
 from benchctl_instruments.arrays import FloatArray
 
-Compensator = Callable[[FloatArray, FloatArray], FloatArray]
-"""Maps output [V] and T − T0 [°C], of one shape, to the sensed rate [°/s]."""
+
+def by_stages(stages: Sequence[Stage]) -> AppliedLaw:
+    """Return the two-stage correction: the last stage's K0 and U0, then every stage's factors of that stage's input.
+
+    It is used with temperatures above T0.
+    """
+    last = stages[-1]
+    return AppliedLaw(
+        name="polynomial",
+        K0_v_per_dps=last.K0_v_per_dps,
+        U0_v=last.U0_v,
+        T0_c=0.0,
+        bias=last.u0_t,
+        stages=tuple(Factors(k_t=one.k_t.coefficients, k_omega=one.k_omega.coefficients) for one in stages),
+        delay_s=last.delay_s,
+    )
 
 
-def by_line(line: StraightLine) -> Compensator:
-    """Return the compensation by one straight line."""
-    return lambda volts, dt_c: (volts - line.U0_v) / line.K0_v_per_dps
-
-
-def by_stages(stages: Sequence[Stage]) -> Compensator:
-    """Return the two-stage correction: the last stage's K0 and U0, then every stage's factors of that stage's input."""
-
-    def compensate(volts: FloatArray, dt_c: FloatArray) -> FloatArray:
-        last = stages[-1]
-        rate = (volts - last.U0_v - bias(last.u0_t, dt_c)) / last.K0_v_per_dps
-        for stage in stages:
-            rate = rate * factor(stage.k_t.coefficients, dt_c) * factor(stage.k_omega.coefficients, rate**2)
-        return rate
-
-    return compensate
-
-
-def by_law(law: Law, parameters: FloatArray, U0_v: float, u0_t: Sequence[float]) -> Compensator:
-    """Return the compensation by a law of the joint fit; `parameters` are the law's, in its order."""
-    return lambda volts, dt_c: law.rate(parameters, volts - U0_v - bias(u0_t, dt_c), dt_c)
-
-
-def mean_rate(compensate: Compensator, rows: Rows) -> FloatArray:
+def mean_rate(law: AppliedLaw, rows: Rows) -> FloatArray:
     """Return the mean of the compensated rate over each block, °/s, including the law's curvature within the block."""
     nudge = np.maximum(1e-5, 1e-4 * np.abs(rows.output_v))
-    up, down = compensate(rows.output_v + nudge, rows.dt_c), compensate(rows.output_v - nudge, rows.dt_c)
+    up, down = law.sensed_dps(rows.output_v + nudge, rows.dt_c), law.sensed_dps(rows.output_v - nudge, rows.dt_c)
     slope = (up - down) / (2 * nudge)
     spread_v = rows.spread_dps / np.where(slope == 0.0, np.inf, slope)
-    high, low = compensate(rows.output_v + spread_v, rows.dt_c), compensate(rows.output_v - spread_v, rows.dt_c)
+    high, low = law.sensed_dps(rows.output_v + spread_v, rows.dt_c), law.sensed_dps(rows.output_v - spread_v, rows.dt_c)
     return np.asarray(0.5 * (high + low))
 
 

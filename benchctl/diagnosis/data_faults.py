@@ -44,7 +44,7 @@ def without_data_faults(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
         volts=problem.measured,
         predicted=problem.predict(problem.baseline_start, ()),
         foretold=problem.usable,
-        time_s=frame.time_s,
+        stretches=frame.stretches,
         interval_s=frame.interval_s,
         adc_step_v=problem.adc_step_v,
         limit_v=float(problem.simulation.get("output_limit_v") or np.inf),

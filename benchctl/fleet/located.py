@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from benchctl.limits import listed
-from benchctl.recordings.reader import OPEN_DESCRIPTION
+from benchctl.recordings.import_open import OPEN_DESCRIPTION
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, RECORDING, STEPS, UNREADABLE
 from benchctl_instruments.errors import UsageError, in_line, reason
 

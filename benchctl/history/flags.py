@@ -24,7 +24,8 @@ from benchctl.history.series import Drift, FigureSeries
 
 FEWEST_UNITS = 5
 """Minimum number of units of a model for a comparison."""
-_TO_DEVIATIONS = 0.6745
+TO_DEVIATIONS = 0.6745
+"""MAD of a normal distribution, in standard deviations."""
 _LIMIT, _OF_FEW, _LOST = 3.5, 8.0, 3
 
 
@@ -39,7 +40,7 @@ class Siblings:
 
     def z(self, value: float) -> float:
         """Return the robust z of a value."""
-        return _TO_DEVIATIONS * (value - self.median) / self.mad
+        return TO_DEVIATIONS * (value - self.median) / self.mad
 
     def is_apart(self, value: float, uncertainty: float | None) -> bool:
         """Return whether a value is beyond the limit, and further from the median than its own expanded uncertainty."""
@@ -48,7 +49,7 @@ class Siblings:
     @property
     def half_width(self) -> float:
         """The distance from the median that corresponds to `limit`, in the unit of the values."""
-        return self.limit * self.mad / _TO_DEVIATIONS
+        return self.limit * self.mad / TO_DEVIATIONS
 
 
 def siblings_of(values: Sequence[float]) -> Siblings | None:

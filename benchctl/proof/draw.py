@@ -145,7 +145,7 @@ def _sized(rng: np.random.Generator, truth: Truth, names: Sequence[str]) -> Trut
             return None
     known = STATISTICAL.isdisjoint(names) and not any("_of_noise_" in name for name in names)
     return replace(
-        truth, seed=int(rng.integers(2**31)), gain=_rounded(run.gain(truth.made())) if names and known else None
+        truth, seed=int(rng.integers(2**31)), gain=rounded(run.gain(truth.made())) if names and known else None
     )
 
 
@@ -168,7 +168,7 @@ def _faint_share(run: Planned, truth: Truth, name: str, full: Values) -> float |
         return 1.0
     if excess(low) > 0.0:
         return None
-    return _rounded(math.exp(brentq(excess, low, high, xtol=0.01)))
+    return rounded(math.exp(brentq(excess, low, high, xtol=0.01)))
 
 
 def _least_share(truth: Truth, name: str, full: Values) -> float:
@@ -182,8 +182,8 @@ def _least_share(truth: Truth, name: str, full: Values) -> float:
     return share
 
 
-def _rounded(value: float) -> float:
-    """Round to four digits: the last bits of a sum depend on the machine and its threads, a sealed truth must not."""
+def rounded(value: float) -> float:
+    """Return four digits of a value: the last bits of a sum depend on the machine, a sealed truth must not."""
     return float(f"{value:.4g}")
 
 

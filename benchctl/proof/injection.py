@@ -31,7 +31,7 @@ from benchctl.estimation.disturbance import disturbance_of
 from benchctl.estimation.noise import Whitener
 from benchctl.estimation.point import Point
 from benchctl.estimation.problem import Problem
-from benchctl.proof.draw import alike
+from benchctl.proof.draw import alike, rounded
 from benchctl.recordings.model import Step, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.arrays import FloatArray
@@ -125,7 +125,7 @@ class Untouched:
             if values is None:
                 continue
             one = self._made(name, values)
-            share = _rounded(self._shown(one) / self._left)  # a limit may coincide with a rate of the recording, or not
+            share = rounded(self._shown(one) / self._left)  # a limit may coincide with a rate of the recording, or not
             if FAIR[0] <= share <= FAIR[1] and self._is_mild(one) and self._stands_apart(one):
                 return Injection(index=index, effect=name, parameters=values, share=share, nonce=nonce)
         raise UsageError(
@@ -206,7 +206,7 @@ class Untouched:
         if not excess(low) < 0.0 < excess(high):
             return None
         factor = math.exp(brentq(excess, low, high, xtol=0.01))
-        return {one: _rounded(value) for one, value in scaled(factor).items()}
+        return {one: rounded(value) for one, value in scaled(factor).items()}
 
     def _possible(self, name: str, values: Mapping[str, float]) -> bool:
         parameters = self._problem.effects[name].parameters
@@ -355,18 +355,13 @@ def _shaped(kind: type[DescribedEffect], rng: np.random.Generator) -> dict[str, 
     for name, one in kind.parameters.items():
         low, high = min(one.scan), max(one.scan)
         if one.role == "phase":
-            values[name] = _rounded(rng.uniform(0.0, 360.0))
+            values[name] = rounded(rng.uniform(0.0, 360.0))
         elif one.role == "choice":
             values[name] = float(rng.choice(one.scan))
         elif one.role == "size":
             values[name] = one.scan[0] * (float(rng.choice((-1.0, 1.0))) if one.low < 0.0 else 1.0)
         elif one.logarithmic:
-            values[name] = _rounded(math.exp(rng.uniform(math.log(low), math.log(high))))
+            values[name] = rounded(math.exp(rng.uniform(math.log(low), math.log(high))))
         else:
-            values[name] = _rounded(rng.uniform(low, high))
+            values[name] = rounded(rng.uniform(low, high))
     return values
-
-
-def _rounded(value: float) -> float:
-    """Round to four digits: a sealed value must not depend on the last bits of a sum."""
-    return float(f"{value:.4g}")

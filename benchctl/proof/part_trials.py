@@ -16,7 +16,7 @@ import numpy as np
 
 from benchctl.diagnosis.result import Part, Verdict
 from benchctl.proof.classes import CLASSES, ClassName
-from benchctl.proof.draw import draw
+from benchctl.proof.draw import draw, rounded
 from benchctl.proof.structures import structure_of_part
 from benchctl.proof.truth import Effects, Sealed, Truth
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
@@ -125,17 +125,17 @@ def drawn(seed: int, index: int, kind: ClassName) -> Truth | PartTruth:
         look_alikes = _kinds(part)[name].look_alikes
         if not any(name in _kinds(part)[one].look_alikes or one in look_alikes for one in effects):
             effects[name] = {
-                one: float(round(rng.uniform(*ends)) if one == "order" else f"{rng.uniform(*ends):.4g}")
+                one: float(round(rng.uniform(*ends))) if one == "order" else rounded(rng.uniform(*ends))
                 for one, ends in _SIZES[part][name].items()
             }
     withheld: tuple[str, ...] = ()
     if CLASSES[kind].structure:
         found, values = structure_of_part("drive" if part == "drive" else "chamber", rng, _RANGES[part])
-        effects[found] = {one: float(f"{value:.4g}") for one, value in values.items()}
+        effects[found] = {one: rounded(value) for one, value in values.items()}
         withheld = (found,)
     low, high = ((0.02, 0.02), (0.06, 0.05)) if part == "drive" else ((2.0, 120.0), (4.0, 300.0))
     parameters = ("inertia_kg_m2", "viscous_nm_s") if part == "drive" else ("gain_c_per_percent", "tau_s")
-    numbers = [float(f"{rng.uniform(*ends):.4g}") for ends in zip(low, high, strict=True)]
+    numbers = [rounded(rng.uniform(*ends)) for ends in zip(low, high, strict=True)]
     return PartTruth(
         index=index,
         kind=kind,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.atomic import whole_file
-from benchctl.documents import read_json
+from benchctl.documents import json_values, read_json
 from benchctl.proof.classes import ClassName
 from benchctl.proof.score import ParameterScore, Score
 from benchctl_instruments.errors import UsageError
@@ -61,7 +61,7 @@ class Trial:
 
     def as_json(self) -> dict[str, Any]:
         """Return the trial as JSON data."""
-        plain: dict[str, Any] = _finite(asdict(self))
+        plain: dict[str, Any] = json_values(asdict(self))
         return plain
 
 
@@ -100,12 +100,3 @@ def _answer(kept: dict[str, Any] | None) -> Any:
     seconds = math.nan if kept["seconds"] is None else kept["seconds"]
     texts = {name: tuple(kept.get(name, ())) for name in ("stated", "coordinates", "models")}
     return Answer(**{**kept, **texts, "score": score, "seconds": seconds})
-
-
-def _finite(value: Any) -> Any:
-    """Replace infinities and NaN, which JSON does not have, by null."""
-    if isinstance(value, Mapping):
-        return {name: _finite(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

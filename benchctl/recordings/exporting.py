@@ -26,6 +26,7 @@ import numpy as np
 from scipy.io import savemat
 
 from benchctl.atomic import whole_file, whole_folder
+from benchctl.documents import json_values
 from benchctl.recordings.model import Axis, Meta, Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.runs import gap_free
@@ -261,17 +262,8 @@ def export_csv(recording: Recording, folder: Path) -> None:
             "units": {name: unit_of(name, recording.meta) for name in names},
             "steps": steps,
         }
-        text = json.dumps(without_nan(description), indent=1, ensure_ascii=False)
+        text = json.dumps(json_values(description), indent=1, ensure_ascii=False)
         (temporary / "recording.json").write_text(text + "\n", encoding="utf-8")
-
-
-def without_nan(value: Any) -> Any:
-    """Return the value with None for every number that JSON cannot represent."""
-    if isinstance(value, dict):
-        return {key: without_nan(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [without_nan(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _write_axis(step: Step, axis: Axis, folder: Path, decimals: Mapping[str, int] | None) -> str:

@@ -39,7 +39,7 @@ from benchctl_instruments.field_faults import field_fault
 COLUMNS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", "chamber_temp_c")
 """The columns that every open recording has."""
 
-DESCRIPTION = "recording.json"
+OPEN_DESCRIPTION = "recording.json"
 
 _LAYOUT = Layout()
 
@@ -97,11 +97,6 @@ class Description:
     foreign_keys: Mapping[str, Any]
 
 
-def is_open_recording(folder: Path) -> bool:
-    """Whether a folder looks like an open recording: it contains a `recording.json`."""
-    return (folder / DESCRIPTION).is_file()
-
-
 def read_open_recording(folder: Path) -> tuple[Meta, list[Step]]:
     """Read an open recording into memory.
 
@@ -128,7 +123,7 @@ def read_open_recording(folder: Path) -> tuple[Meta, list[Step]]:
         description.steps,
         columns,
         rate_hz=description.bench.sample_rate_hz,
-        where=lambda k: f"{folder / DESCRIPTION}, steps[{k}]",
+        where=lambda k: f"{folder / OPEN_DESCRIPTION}, steps[{k}]",
     )
     extra: dict[str, Any] = {"csv_columns": list(names), "csv_decimals": decimals}
     if others := {name: unit_of_column(name) for name in names if name not in UNITS}:
@@ -140,7 +135,7 @@ def read_open_recording(folder: Path) -> tuple[Meta, list[Step]]:
         unit=description.unit,
         bench=description.bench,
         provenance={
-            "sources": sources_json([folder / DESCRIPTION, path]),
+            "sources": sources_json([folder / OPEN_DESCRIPTION, path]),
             "treatment": "samples as they stand; stamps checked against the uniform rate",
         },
         simulation=description.simulation,
@@ -157,7 +152,7 @@ def read_description(folder: Path) -> Description:
     UsageError
         It cannot be read, is not JSON, lacks a key, or a key has the wrong type or value.
     """
-    path = folder / DESCRIPTION
+    path = folder / OPEN_DESCRIPTION
     raw = json_document(read_json_text(path), str(path))
     try:
         found = _Recording.model_validate(raw)

@@ -19,7 +19,7 @@ from benchctl.limits import cut, listed, require_file, require_memory, shown
 from benchctl.recordings.column_map import ColumnMap, RawColumns, Wanted, raw_columns, read_map, wanted_columns
 from benchctl.recordings.import_mat import read_mat
 from benchctl.recordings.import_open import (
-    is_open_recording,
+    OPEN_DESCRIPTION,
     read_description,
     read_open_recording,
     samples_of,
@@ -259,7 +259,7 @@ def read_foreign(source: Path, map_file: Path | None = None) -> tuple[Meta, list
 
 def _read_unmapped(source: Path) -> tuple[Meta, list[Step]]:
     if source.is_dir():
-        if not is_open_recording(source):
+        if not (source / OPEN_DESCRIPTION).is_file():
             raise UsageError(f"{source}: no open recording, expected a folder with recording.json")
         return read_open_recording(source)
     kind = _kind(source)

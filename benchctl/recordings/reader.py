@@ -16,7 +16,7 @@ from benchctl.confined import entries_in
 from benchctl.locks import is_held
 from benchctl.recordings.digests import ReadDigests
 from benchctl.recordings.hdf5_files import RecordingFile
-from benchctl.recordings.import_open import read_open_recording
+from benchctl.recordings.import_open import OPEN_DESCRIPTION, read_open_recording
 from benchctl.recordings.journal import events_in, journal_text, last_word
 from benchctl.recordings.model import AXES, Meta, Step, StepInfo
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, JOURNAL, LOCK, PART_SUFFIX, RECORDING, STEPS
@@ -71,10 +71,13 @@ def require_campaign(folder: Path) -> None:
     raise UsageError(f"{folder}: is no campaign: expected {RECORDING} or {CAMPAIGN} in this folder")
 
 
-OPEN_DESCRIPTION = "recording.json"
-
 _OPEN_AT_ONCE = 128
 """Maximum number of open step files of an unfinished campaign: far fewer than a process may have open."""
+
+
+def is_open_recording(path: Path) -> bool:
+    """Return whether a folder contains an open recording and no benchctl files."""
+    return (path / OPEN_DESCRIPTION).exists() and not any((path / name).exists() for name in (RECORDING, CAMPAIGN))
 
 
 class StepSource(Protocol):

@@ -11,7 +11,8 @@ from pathlib import Path
 from benchctl.calibration.compensating import Compensation, read_compensation
 from benchctl.calibration.result import CalibrationResult, JointFit, PolynomialFactor, Stage
 from benchctl.calibration.uncertainty import coverage_factor
-from benchctl.recordings.reader import OPEN_DESCRIPTION, open_recording
+from benchctl.recordings.import_open import OPEN_DESCRIPTION
+from benchctl.recordings.reader import open_recording
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
 from benchctl.reports import text
 from benchctl.reports.results import source_digest

@@ -14,6 +14,7 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
+from benchctl.history.flags import TO_DEVIATIONS
 from benchctl.reports import text
 from benchctl.reports.figures import INK, Drawing
 from benchctl.reports.fleet_facts import (
@@ -82,7 +83,7 @@ def _spread(spread: Spread) -> dict[str, object]:
         f"{label(member)}: {amount(figure.value, figure.uncertainty, spread.unit)}, z = {text.number(z, 2)}"
         for member, figure, z in spread.apart
     ]
-    deviation = spread.siblings.mad / 0.6745 if spread.siblings else None
+    deviation = spread.siblings.mad / TO_DEVIATIONS if spread.siblings else None
     median = text.with_unit(text.number(spread.median, 6), unit)
     return {
         "name": spread.name,

@@ -14,13 +14,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from benchctl.calibration.laws_fit import law_of
-from benchctl.calibration.model import Law, factor
+from benchctl.calibration.model import Law
 from benchctl.calibration.result import CalibrationResult, JointFit, MeanPoints, PolynomialFactor, Stage
 from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.reports.figures import FAINT, GREY, INK, LEVEL_COLOURS, dots, level_names, new_figure
 from benchctl.reports.reduction import binned, spread, thinned
 from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.physics.response_gyro import one_plus
 
 _NEAR_T0_C = 1.5
 _AT_REST_DPS = 0.05  # less than the Earth's rate
@@ -40,13 +41,13 @@ def factor_curve(of: PolynomialFactor, argument: FloatArray) -> CurveWithBand:
     covariance = np.array(of.covariance, dtype=np.float64).reshape(len(of.coefficients), -1)
     variance = np.einsum("ni,ij,nj->n", powers, covariance, powers)
     half = coverage_factor(of.dof, 0.95) * np.sqrt(np.maximum(variance, 0.0))
-    return CurveWithBand(value=factor(of.coefficients, argument), half=half)
+    return CurveWithBand(value=one_plus(of.coefficients, argument), half=half)
 
 
 def bias(joint: JointFit, dt_c: FloatArray) -> FloatArray:
     """Return the output at rest by a joint fit; shape as ΔT."""
     _, _, offset, terms = law_of(joint)
-    return offset + factor(terms, dt_c) - 1.0
+    return offset + one_plus(terms, dt_c) - 1.0
 
 
 def joint_curve(joint: JointFit, function: Callable[[Law, FloatArray], FloatArray]) -> CurveWithBand:

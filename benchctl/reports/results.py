@@ -7,8 +7,8 @@ from pathlib import Path
 
 from benchctl.documents import json_document
 from benchctl.limits import shown
-from benchctl.recordings.reader import OPEN_DESCRIPTION, Recording
-from benchctl.recordings.schema import CAMPAIGN, RECORDING
+from benchctl.recordings.reader import Recording, is_open_recording
+from benchctl.recordings.schema import RECORDING
 from benchctl_instruments.errors import UsageError, reason
 
 
@@ -49,7 +49,7 @@ def results_folder(path: Path, kind: str = "diagnosis") -> Path:
     The latter is next to a file; for an open recording, which is not ours, it is in the current folder.
     """
     if path.is_dir():
-        return Path(f"{name_of(path)}.{kind}") if _is_open(path) else path
+        return Path(f"{name_of(path)}.{kind}") if is_open_recording(path) else path
     return path.parent if path.name == RECORDING else path.with_name(f"{path.stem}.{kind}")
 
 
@@ -57,7 +57,3 @@ def name_of(path: Path) -> str:
     """Return the name of a recording without its path; of a campaign the name of its folder."""
     path = path.resolve()
     return path.parent.name if path.name == RECORDING else path.name
-
-
-def _is_open(folder: Path) -> bool:
-    return (folder / OPEN_DESCRIPTION).exists() and not any((folder / name).exists() for name in (RECORDING, CAMPAIGN))

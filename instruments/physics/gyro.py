@@ -19,8 +19,8 @@ import scipy  # scipy.signal is loaded on first use
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
-EARTH_RATE_DPH = 15.041
-"""Rate of the Earth [deg/h]."""
+EARTH_DPS = 15.041 / 3600.0
+"""Rate of the Earth relative to the stars [deg/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,12 +64,12 @@ class GyroParameters:
 
 def earth_rate_dps(latitude_deg: float) -> float:
     """Return the Earth's rate about a vertical axis [deg/s]: positive (counter-clockwise from above) in the north."""
-    return EARTH_RATE_DPH / 3600.0 * math.sin(math.radians(latitude_deg))
+    return EARTH_DPS * math.sin(math.radians(latitude_deg))
 
 
 def horizontal_earth_rate_dps(latitude_deg: float) -> float:
     """Return the Earth's rate about a horizontal axis that points north [deg/s]."""
-    return EARTH_RATE_DPH / 3600.0 * math.cos(math.radians(latitude_deg))
+    return EARTH_DPS * math.cos(math.radians(latitude_deg))
 
 
 def sine_output_v(parameters: GyroParameters, rate_dps: FloatArray, coil_c: FloatArray) -> FloatArray:

@@ -54,12 +54,22 @@ def scaled_v(
     K0_v_per_dps: float, k_T: Sequence[float], k_omega: Sequence[float], rate_dps: FloatArray, delta_c: FloatArray
 ) -> FloatArray:
     """Return K0·k(T)·k(ω)·ω [V] for rates [deg/s] and temperatures above T0 [°C], both of shape (n,)."""
-    volts = _one_plus(k_omega, rate_dps * rate_dps)
+    volts = one_plus(k_omega, rate_dps * rate_dps)
     volts *= rate_dps
     if k_T:
-        volts *= _one_plus(k_T, delta_c)
+        volts *= one_plus(k_T, delta_c)
     volts *= K0_v_per_dps
     return volts
+
+
+def one_plus(coefficients: Sequence[float] | FloatArray, x: FloatArray) -> FloatArray:
+    """Return 1 + c1·x + c2·x² + … in a new array of the shape of x."""
+    total = np.zeros_like(x)
+    for coefficient in reversed(coefficients):
+        total += coefficient
+        total *= x
+    total += 1.0
+    return total
 
 
 def response_baseline(parameters: ResponseParameters) -> Baseline:
@@ -72,13 +82,3 @@ def response_baseline(parameters: ResponseParameters) -> Baseline:
         return replace(signals, output_v=signals.output_v + parameters.U0_v)
 
     return {"scale": scale, "bias": add_bias}
-
-
-def _one_plus(coefficients: Sequence[float], x: FloatArray) -> FloatArray:
-    """Return 1 + c1·x + c2·x² + … in a new array."""
-    total = np.zeros_like(x)
-    for coefficient in reversed(coefficients):
-        total += coefficient
-        total *= x
-    total += 1.0
-    return total

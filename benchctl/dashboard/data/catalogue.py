@@ -23,7 +23,6 @@ from benchctl.dashboard.data.contents import (
     contents_of,
     died_says,
     import_of,
-    is_open_recording,
     recording_in,
     status_of,
 )
@@ -35,8 +34,9 @@ from benchctl.recordings.campaign_manifest import MANIFEST, entries_of, integrit
 from benchctl.recordings.descriptions import read_meta
 from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.hdf5_guard import attribute
-from benchctl.recordings.import_open import DESCRIPTION, read_description
+from benchctl.recordings.import_open import OPEN_DESCRIPTION, read_description
 from benchctl.recordings.journal import planned_steps
+from benchctl.recordings.reader import is_open_recording
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, JOURNAL, RECORDING, STEPS, UNREADABLE
 from benchctl_instruments.errors import UsageError
 
@@ -277,7 +277,7 @@ def _stamp_of(path: Path) -> str:
     """Return the stamp of a finished campaign's files and documents; empty for one that may continue."""
     if is_open_recording(path):
         try:
-            files = [path / DESCRIPTION, import_of(path, cache_folder())]
+            files = [path / OPEN_DESCRIPTION, import_of(path, cache_folder())]
         except UsageError:
             return ""
     elif (file := recording_in(path)) is not None:

@@ -26,9 +26,9 @@ from benchctl.locks import is_held
 from benchctl.recordings.descriptions import read_info, read_meta
 from benchctl.recordings.hdf5_files import RecordingFile, open_ours
 from benchctl.recordings.hdf5_guard import attribute, child, child_group, is_channel, names_in
-from benchctl.recordings.import_open import DESCRIPTION, read_open_recording, samples_of
+from benchctl.recordings.import_open import OPEN_DESCRIPTION, read_open_recording, samples_of
 from benchctl.recordings.model import Meta, StepInfo
-from benchctl.recordings.reader import OPEN_DESCRIPTION, Recording, StepsInMemory, campaign_files
+from benchctl.recordings.reader import Recording, StepsInMemory, campaign_files, is_open_recording
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, LOCK, PART_SUFFIX, RECORDING, STEPS, group_name
 from benchctl.recordings.writer import write_recording
 from benchctl.reports.results import source_digest
@@ -67,7 +67,7 @@ def imported(folder: Path, cache: Path) -> Path:
 def import_of(folder: Path, cache: Path) -> Path:
     """Return the path of an open recording's import, which may not exist yet; `UsageError` if there are no samples."""
     stamps = []
-    for file in (folder / DESCRIPTION, samples_of(folder)):
+    for file in (folder / OPEN_DESCRIPTION, samples_of(folder)):
         with suppress(OSError):
             stamps.append(f"{file.resolve()} {Stamp.of(file)}")
     name = sha256(repr(stamps).encode("utf-8", "surrogateescape")).hexdigest()[:40]
@@ -90,11 +90,6 @@ def recording_in(path: Path) -> Path | None:
     if not path.is_dir():
         return path
     return path / RECORDING if (path / RECORDING).exists() else None
-
-
-def is_open_recording(path: Path) -> bool:
-    """Return whether a folder contains an open recording and no benchctl files."""
-    return (path / OPEN_DESCRIPTION).exists() and not any((path / name).exists() for name in (RECORDING, CAMPAIGN))
 
 
 _MOST_FILES = 4096

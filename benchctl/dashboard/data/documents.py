@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from benchctl.dashboard.data.contents import contents_of, is_open_recording
+from benchctl.dashboard.data.contents import contents_of
 from benchctl.documents import read_json
 from benchctl.limits import read_whole, require_file
+from benchctl.recordings.reader import is_open_recording
 from benchctl.reports.results import results_folder
 from benchctl_instruments.errors import UsageError
 

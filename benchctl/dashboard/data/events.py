@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 from benchctl.confined import open_file
-from benchctl.dashboard.data.contents import is_open_recording, recording_in
+from benchctl.dashboard.data.contents import recording_in
 from benchctl.limits import MOST_JOURNAL_BYTES, MOST_LINE_BYTES, cut, require_file
 from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.hdf5_guard import attribute
 from benchctl.recordings.journal import events_in
+from benchctl.recordings.reader import is_open_recording
 from benchctl.recordings.schema import JOURNAL
 from benchctl_instruments.errors import UsageError
 

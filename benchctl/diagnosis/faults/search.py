@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from benchctl.diagnosis.faults.dropouts import holds_in
 from benchctl.diagnosis.faults.fault import FoundFaults
 from benchctl.diagnosis.faults.grid import grid_of
 from benchctl.diagnosis.faults.standing import Output, standing_runs
-from benchctl.recordings.runs import gaps
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _LEAST_STEP_V = 1e-9
@@ -24,7 +24,7 @@ def faults_in(
     volts: FloatArray,
     predicted: FloatArray,
     foretold: BoolArray,
-    time_s: FloatArray,
+    stretches: Sequence[slice],
     interval_s: float,
     adc_step_v: float,
     limit_v: float = np.inf,
@@ -32,8 +32,8 @@ def faults_in(
     """Find lost bits, rails and held samples in an output (n,) before any fit; the masked rows must not be fitted.
 
     `predicted` (n,) is the output by the unchanged model of the lab: it is used only to see where the output should
-    have changed, and only where `foretold` (n,) is true. `time_s` are the time stamps, `adc_step_v` the converter's
-    step (0: unknown), `limit_v` the rated limit of the output; rows at this limit are ignored.
+    have changed, and only where `foretold` (n,) is true. `stretches` are the rows without gaps, `adc_step_v` the
+    converter's step (0: unknown), `limit_v` the rated limit of the output; rows at this limit are ignored.
 
     Spikes require a residual: call `spikes_in` after a provisional fit without the rows that are `masked` here.
     """
@@ -45,7 +45,7 @@ def faults_in(
         predicted=predicted,
         alive=alive,
         foretold=foretold,
-        broken=np.concatenate([[False], gaps(np.diff(time_s), interval_s)]),
+        stretches=stretches,
         step_v=max(grid.step_v, _LEAST_STEP_V),
         noise_v=quiet_noise_v(residual, interval_s, grid.step_v),
     )

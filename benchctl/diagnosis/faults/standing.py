@@ -11,6 +11,7 @@ large if the gyro was turning.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,16 +55,16 @@ class Runs:
 class Output:
     """A channel and its properties; arrays of shape (n,).
 
-    `alive` rows are finite and within the rated limit, `broken` rows follow a gap, and `foretold` rows are predicted
-    from measured values only, not from a filter's extrapolation beyond a gap. `step_v` is the grid's step, `noise_v`
-    the quietest noise.
+    `alive` rows are finite and within the rated limit, `stretches` have no gaps, and `foretold` rows are predicted from
+    measured values only, not from a filter's extrapolation beyond a gap. `step_v` is the grid's step, `noise_v` the
+    quietest noise.
     """
 
     volts: FloatArray
     predicted: FloatArray
     alive: BoolArray
     foretold: BoolArray
-    broken: BoolArray
+    stretches: Sequence[slice]
     step_v: float
     noise_v: float
 
@@ -111,7 +112,8 @@ def evidence_of(output: Output, first: int, stop: int) -> float:
 
 def _runs(output: Output) -> Runs:
     volts, alive = output.volts, output.alive
-    same = (volts[1:] == volts[:-1]) & alive[1:] & alive[:-1] & ~output.broken[1:]
+    same = (volts[1:] == volts[:-1]) & alive[1:] & alive[:-1]
+    same[[part.start - 1 for part in output.stretches[1:]]] = False
     edges = np.diff(np.concatenate([[0], same.astype(np.int8), [0]]))
     first, stop = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) + 1
     return Runs(first=first, stop=stop, evidence=np.zeros(first.size))

@@ -10,10 +10,10 @@ band-limited, so a filter is computed as a product in the frequency domain and a
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -49,6 +49,15 @@ class Law:
     T0_c: float
     temperature_terms: int
     rate_terms: int
+
+    @classmethod
+    def of(cls, simulation: Mapping[str, Any]) -> Self:
+        """Return the terms of a model with the names of the open recording."""
+        return cls(
+            T0_c=float(simulation["T0_c"]),
+            temperature_terms=len(simulation["k_T"]),
+            rate_terms=len(simulation["k_omega"]),
+        )
 
     def volts(self, baseline: FloatArray, rate_dps: FloatArray, coil_c: FloatArray) -> FloatArray:
         """Return K0·k(T)·k(ω)·ω, shape (n,)."""

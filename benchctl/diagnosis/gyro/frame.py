@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchctl.diagnosis.gyro.subsample import AIR, FILLED, NEEDED, THERMISTOR, Subsample, subsample_of
+from benchctl.diagnosis.series import channels_of
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.runs import TOLERANCE, gap_free
@@ -112,7 +113,7 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
     if not steps:
         raise UsageError(
             f"{recording.path}: a diagnosis needs steps with the channels {', '.join(NEEDED)} in one scan;"
-            f" it has {_channels_of(recording)}"
+            f" it has {channels_of(recording)}"
         )
     columns = {name: np.concatenate([step[name] for step in steps]) for name in NEEDED}
     time_s = columns["time_s"]
@@ -177,11 +178,6 @@ def _end_to_end(
     return series, tuple(map(part, motions, stretches))
 
 
-def _channels_of(recording: Recording) -> str:
-    names = {name for info in recording.infos for name in recording.channels(info.index)}
-    return ", ".join(sorted(names)) or "none"
-
-
 def _require_finite(recording: Recording, steps: Sequence[Step]) -> None:
     for step in steps:
         for name in ("encoder_deg", THERMISTOR):
@@ -213,7 +209,7 @@ def _thermistors(
     name = taken.thermometer
     if not name and temperature_c is None:
         raise UsageError(
-            f"{recording.path}: no step has the gyro's thermistor ({THERMISTOR}); it has {_channels_of(recording)}; "
+            f"{recording.path}: no step has the gyro's thermistor ({THERMISTOR}); it has {channels_of(recording)}; "
             "an import names it in its map"
         )
     measured: dict[float, list[Readings]] = {at: [] for at in origins_s}

@@ -1,4 +1,4 @@
-"""Validation of the lab's model of a gyro, before any computation."""
+"""The lab's model of a gyro: its validation before any computation, and a straight line in its place."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 _NUMBERS = ("K0_v_per_dps", "U0_v", "T0_c")
@@ -45,6 +48,12 @@ def checked_model(simulation: Mapping[str, Any], *, where: str, digital: bool = 
             " its scale factor is then a number near 1; give a model of this output, or import it in volts"
         )
     return simulation
+
+
+def straight_line(rate_dps: FloatArray, output: FloatArray, T0_c: float) -> dict[str, Any]:
+    """Return the model that is the least-squares line through outputs at rates, shape (n,)."""
+    slope, offset = np.polyfit(rate_dps, output, 1).tolist()
+    return {"K0_v_per_dps": slope, "U0_v": offset, "T0_c": T0_c, "k_T": [], "k_omega": []}
 
 
 def _finite(value: object, name: str) -> None:

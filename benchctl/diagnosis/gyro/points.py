@@ -18,17 +18,15 @@ from scipy.stats import t as student
 
 from benchctl.calibration.static_points_fit import RESTING_DPS
 from benchctl.diagnosis.faults.fault import Fault
-from benchctl.diagnosis.gyro.chain import Law
-from benchctl.diagnosis.gyro.model import checked_model
+from benchctl.diagnosis.gyro.baseline import GyroBaseline
+from benchctl.diagnosis.gyro.model import checked_model, straight_line
 from benchctl.diagnosis.gyro.points_end import PointsEnd
-from benchctl.diagnosis.keys import tables_of
-from benchctl.diagnosis.stepped import Stepped
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.static_points import KIND, StaticPoints
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.chain import Signals, Stage, run_chain
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.effects.registry import effects
 
@@ -42,6 +40,7 @@ _LAWS = (
     "two_rails",
 )
 _LAWS_OF_TEMPERATURE = ("bias_temperature", "scale_rate_temperature_coupling", "scale_temperature")
+_STAGES: tuple[Stage, ...] = ("sensed_rate", "scale", "bias", "electronics")
 
 _FEWEST = 12
 _FEWEST_RATES = 5
@@ -53,20 +52,13 @@ _ODD = 0.001
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointsProblem(Stepped):
+class PointsProblem(GyroBaseline):
     """A `benchctl.estimation.problem.Problem`: mean volts from commanded rates, one row per point.
 
-    `simulation` is the lab's model or, if `believed` is false, the straight line through the points. Points at which
-    the gyro is `overloaded` (n,) are not fitted.
+    Points at which the gyro is `overloaded` (n,) are not fitted.
     """
 
     points: StaticPoints
-    law: Law
-    simulation: Mapping[str, Any]
-    range_dps: float
-    without: frozenset[str]
-    believed: bool
-    unit: str
     noises: frozenset[str] = frozenset()
     overloaded: BoolArray | None = None
 
@@ -79,11 +71,6 @@ class PointsProblem(Stepped):
     def measured(self) -> FloatArray:
         """Mean outputs [V], shape (n,)."""
         return self.points.mean_v
-
-    @property
-    def full_scale(self) -> float:
-        """The line's output at the rated range, or at the highest rate if that is unknown."""
-        return abs(float(self.simulation["K0_v_per_dps"])) * self.range_dps
 
     @cached_property
     def time_s(self) -> FloatArray:
@@ -132,31 +119,12 @@ class PointsProblem(Stepped):
     def rate_error_v(self) -> float:
         """Maximum error of commanded rates, as output."""
         largest = float(np.abs(self.points.rate_dps[self.usable]).max())
-        return _RATE_ERROR * largest * abs(_line(*self.following)["K0_v_per_dps"])
+        return _RATE_ERROR * largest * abs(float(np.polyfit(*self.following, 1)[0]))
 
     @cached_property
     def end(self) -> PointsEnd | None:
         """The end of the table's range; None if all points follow one law."""
         return PointsEnd.of(self.points)
-
-    @cached_property
-    def baseline_names(self) -> tuple[str, ...]:
-        """K0_v_per_dps, U0_v, k_T_1 …, k_omega_2, …."""
-        temperature = [f"k_T_{i + 1}" for i in range(self.law.temperature_terms)]
-        return ("K0_v_per_dps", "U0_v", *temperature, *(f"k_omega_{2 * i + 2}" for i in range(self.law.rate_terms)))
-
-    @cached_property
-    def baseline_units(self) -> tuple[str, ...]:
-        """Units of the parameters."""
-        temperature = [f"°C^-{i + 1}" for i in range(self.law.temperature_terms)]
-        rate = [f"(°/s)^-{2 * i + 2}" for i in range(self.law.rate_terms)]
-        return (f"{self.unit}/(°/s)", self.unit, *temperature, *rate)
-
-    @cached_property
-    def baseline_start(self) -> FloatArray:
-        """The lab's values, shape (p,)."""
-        stated = self.simulation
-        return np.array([stated["K0_v_per_dps"], stated["U0_v"], *stated["k_T"], *stated["k_omega"]], dtype=np.float64)
 
     @cached_property
     def circumstances(self) -> Mapping[str, float]:
@@ -183,40 +151,14 @@ class PointsProblem(Stepped):
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """Return the predicted volts, shape (n,)."""
-        signals = self._signals()
-        for stage in ("sensed_rate", "scale", "bias", "electronics"):
-            if stage == "scale":
-                signals = replace(signals, output_v=self.law.volts(baseline, signals.sensed_rate_dps, self._coil_c))
-            if stage == "bias":
-                signals = replace(signals, output_v=signals.output_v + baseline[1])
-            for effect in effects:
-                if effect.stage == stage:
-                    signals = effect.apply(signals)
-        return signals.output_v
 
-    def matters(self, name: str, change: float) -> float:
-        """Return a change of the bias as a share of full scale, others as a share of scale factor at the edge."""
-        if name == "U0_v":
-            return abs(change) / self.full_scale
-        if name == "K0_v_per_dps":
-            return abs(change / float(self.simulation["K0_v_per_dps"]))
-        power = int(name.rsplit("_", 1)[1])
-        away_c = float(np.abs(self._coil_c - self.law.T0_c).max())
-        return abs(change) * (away_c if name.startswith("k_T") else self.range_dps) ** power
+        def scale(signals: Signals) -> Signals:
+            return replace(signals, output_v=self.law.volts(baseline, signals.sensed_rate_dps, signals.coil_c))
 
-    def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
-        """Return the tables `simulation` and `effects`; `noise` is the scatter of a point, not of a sample."""
-        values, split = baseline.tolist(), 2 + self.law.temperature_terms
-        simulation = {
-            "K0_v_per_dps": values[0],
-            "U0_v": values[1],
-            "T0_c": self.law.T0_c,
-            "k_T": values[2:split],
-            "k_omega": values[split:],
-            "noise_v_rms": noise,
-            "output_limit_v": float(self.simulation.get("output_limit_v") or 2.0 * self.full_scale),
-        }
-        return {"simulation": simulation, "effects": tables_of(effects)}
+        def add_bias(signals: Signals) -> Signals:
+            return replace(signals, output_v=signals.output_v + baseline[1])
+
+        return run_chain(self._signals(), {"scale": scale, "bias": add_bias}, effects, _STAGES).output_v
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
         """Return remarks on what points cannot show, on their scatter, and on the points at rest."""
@@ -249,7 +191,8 @@ class PointsProblem(Stepped):
         return known is not None and bool(np.ptp(known) > _SPAN_C)
 
     @cached_property
-    def _coil_c(self) -> FloatArray:
+    def coil_c(self) -> FloatArray:
+        """Temperatures of the gyro [°C], shape (n,): T0 if they are unknown."""
         known = self.points.temperature_c
         return np.full(self.points.rate_dps.size, self.law.T0_c) if known is None else known
 
@@ -268,12 +211,12 @@ class PointsProblem(Stepped):
             angle_deg=none,
             rate_dps=rate,
             acceleration_dps2=none,
-            housing_c=self._coil_c,
-            coil_c=self._coil_c,
+            housing_c=self.coil_c,
+            coil_c=self.coil_c,
             sensed_rate_dps=rate,
             output_v=none,
             encoder_deg=none,
-            thermistor_c=self._coil_c,
+            thermistor_c=self.coil_c,
             coil_rate_c_per_s=none,
         )
 
@@ -306,14 +249,8 @@ def without_overload(problem: PointsProblem) -> tuple[PointsProblem, tuple[Fault
     ends_dps = problem.end.follows_to_dps
     kept = replace(problem, overloaded=fault.rows, range_dps=min(problem.range_dps, ends_dps))
     if not problem.believed:
-        kept = replace(kept, simulation={**problem.simulation, **_line(*kept.following)})
+        kept = replace(kept, simulation=straight_line(*kept.following, problem.law.T0_c))
     return kept, (fault,)
-
-
-def _line(rate_dps: FloatArray, mean_v: FloatArray) -> dict[str, float]:
-    """Return the straight line through points of shape (n,)."""
-    slope, offset = np.polyfit(rate_dps, mean_v, 1).tolist()
-    return {"K0_v_per_dps": slope, "U0_v": offset}
 
 
 def has_points(recording: Recording) -> bool:
@@ -339,22 +276,13 @@ def points_problem(
     stated = model or recording.meta.simulation
     digital = recording.meta.output_unit == "deg/s"
     if stated is None:
-        simulation: Mapping[str, Any] = {
-            **_line(points.rate_dps, points.mean_v),
-            "T0_c": 20.0 if points.temperature_c is None else float(np.median(points.temperature_c)),
-            "k_T": [],
-            "k_omega": [],
-        }
+        T0_c = 20.0 if points.temperature_c is None else float(np.median(points.temperature_c))
+        simulation: Mapping[str, Any] = straight_line(points.rate_dps, points.mean_v, T0_c)
     else:
         where = "[simulation] of the model" if model else f"{recording.path}: [simulation]"
         simulation = checked_model(stated, where=where, digital=digital)
     return PointsProblem(
         points=points,
-        law=Law(
-            T0_c=float(simulation["T0_c"]),
-            temperature_terms=len(simulation["k_T"]),
-            rate_terms=len(simulation["k_omega"]),
-        ),
         simulation=simulation,
         range_dps=recording.meta.unit.range_dps or float(np.abs(points.rate_dps).max()),
         without=frozenset(without),

@@ -11,18 +11,17 @@ from typing import Any, Self
 import numpy as np
 
 from benchctl.diagnosis.gyro.angle_lines import lines_of_angle
+from benchctl.diagnosis.gyro.baseline import GyroBaseline
 from benchctl.diagnosis.gyro.chain import GyroChain, Law
 from benchctl.diagnosis.gyro.encoder_noise import rate_variance, steadied_rate
 from benchctl.diagnosis.gyro.frame import Frame, frame_of
 from benchctl.diagnosis.gyro.frame_subsample import pieces_of, thinned
 from benchctl.diagnosis.gyro.limits import at_rest, limits_of
-from benchctl.diagnosis.gyro.model import checked_model
+from benchctl.diagnosis.gyro.model import checked_model, straight_line
 from benchctl.diagnosis.gyro.response import Contrast, Response, contrast_of, response_of
 from benchctl.diagnosis.gyro.rounding import rounding_between
 from benchctl.diagnosis.gyro.subsample import most_rows
-from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.series import cut
-from benchctl.diagnosis.stepped import Stepped
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.signals.binning import hats
@@ -53,22 +52,17 @@ _FEWEST_STEPS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
-class GyroProblem(Stepped):
+class GyroProblem(GyroBaseline):
     """A `benchctl.estimation.problem.Problem`: the gyro's volts from the encoder's motion and the thermistor.
 
     Its rows are those of the frame or, if the motion goes beyond the filters' band, the slow part of some of them
-    (`band`). `simulation` is the lab's model with the names of the open recording; `T0_c` its reference temperature.
-    `earth_dps` is the Earth's rate about the table's axis, 0 if the table's location is unknown; `rounding_v` (n,) is
-    the contribution of a coarse converter's steps to the output. `response` and `contrast` are compared above the band;
-    `rails` are those observed in its samples.
+    (`band`). `earth_dps` is the Earth's rate about the table's axis, 0 if the table's location is unknown; `rounding_v`
+    (n,) is the contribution of a coarse converter's steps to the output. `response` and `contrast` are compared above
+    the band; `rails` are those observed in its samples.
     """
 
     frame: Frame
     chain: GyroChain
-    simulation: Mapping[str, Any]
-    full_scale: float
-    range_dps: float
-    without: frozenset[str]
     adc_step_v: float
     usable: BoolArray
     earth_dps: float = 0.0
@@ -78,8 +72,6 @@ class GyroProblem(Stepped):
     contrast: Contrast | None = None
     encoder_step_deg: float = 0.0
     rails: tuple[PhysicalEffect, ...] = ()
-    unit: str = "V"
-    believed: bool = True
 
     @cached_property
     def noises(self) -> frozenset[str]:
@@ -120,6 +112,11 @@ class GyroProblem(Stepped):
         return self.frame.step if self.band is None else self.frame.step[self.band.rows]
 
     @property
+    def coil_c(self) -> FloatArray:
+        """Temperatures of the gyro at the frame's rows [°C], shape (n,)."""
+        return self.frame.temp_c
+
+    @property
     def steps(self) -> tuple[StepInfo, ...]:
         """The recording's own steps."""
         return self.frame.infos
@@ -132,28 +129,6 @@ class GyroProblem(Stepped):
         return np.searchsorted(begun_s, self.frame.time_s[firsts], "right") - 1
 
     @cached_property
-    def baseline_names(self) -> tuple[str, ...]:
-        """K0_v_per_dps, U0_v, k_T_1 …, k_omega_2, k_omega_4 …."""
-        law = self.chain.law
-        temperature = [f"k_T_{i + 1}" for i in range(law.temperature_terms)]
-        rate = [f"k_omega_{2 * (i + 1)}" for i in range(law.rate_terms)]
-        return ("K0_v_per_dps", "U0_v", *temperature, *rate)
-
-    @cached_property
-    def baseline_units(self) -> tuple[str, ...]:
-        """Units of the parameters."""
-        law = self.chain.law
-        temperature = [f"°C^-{i + 1}" for i in range(law.temperature_terms)]
-        rate = [f"(°/s)^-{2 * (i + 1)}" for i in range(law.rate_terms)]
-        return (f"{self.unit}/(°/s)", self.unit, *temperature, *rate)
-
-    @cached_property
-    def baseline_start(self) -> FloatArray:
-        """The lab's values, shape (p,)."""
-        stated = self.simulation
-        return np.array([stated["K0_v_per_dps"], stated["U0_v"], *stated["k_T"], *stated["k_omega"]], dtype=np.float64)
-
-    @cached_property
     def baseline_bounds(self) -> Mapping[str, tuple[float, float]]:
         """A stated scale factor is known within a factor of two; a fitted one is not bounded."""
         K0 = float(self.simulation["K0_v_per_dps"])
@@ -164,7 +139,7 @@ class GyroProblem(Stepped):
     def circumstances(self) -> Mapping[str, float]:
         """Reference temperature, rated range, the converter's step, start time."""
         return {
-            "T0_c": self.chain.law.T0_c,
+            "T0_c": self.law.T0_c,
             "range_dps": self.range_dps,
             "adc_step_v": self.adc_step_v,
             "start_s": 0.0,
@@ -313,33 +288,6 @@ class GyroProblem(Stepped):
             without=self.without | {"saturation", "two_rails"},
         )
 
-    def matters(self, name: str, change: float) -> float:
-        """Return a change of the bias as a share of full scale, others as a share of scale factor at the edge."""
-        if name == "U0_v":
-            return abs(change) / self.full_scale
-        if name == "K0_v_per_dps":
-            return abs(change / float(self.simulation["K0_v_per_dps"]))
-        power = int(name.rsplit("_", 1)[1])
-        away_c = float(np.abs(self.frame.temp_c - self.chain.law.T0_c).max())
-        return abs(change) * (away_c if name.startswith("k_T") else self.range_dps) ** power
-
-    def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
-        """Return the tables `simulation` and `effects`; `noise` [V] is that of a sample."""
-        values, law = baseline.tolist(), self.chain.law
-        split = 2 + law.temperature_terms
-        # a simulation needs a limit: if none is known, one far above the recorded output is used
-        limit = self.simulation.get("output_limit_v") or 2.0 * self.full_scale
-        simulation = {
-            "K0_v_per_dps": values[0],
-            "U0_v": values[1],
-            "T0_c": law.T0_c,
-            "k_T": values[2:split],
-            "k_omega": values[split:],
-            "noise_v_rms": noise,
-            "output_limit_v": float(limit),
-        }
-        return {"simulation": simulation, "effects": tables_of(effects)}
-
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
         """Return remarks on what this recording cannot show, and on lines that repeat with the angle."""
         del before, after, heldout
@@ -386,11 +334,6 @@ def gyro_problem(
     frame = at_rest(frame_of(recording, temperature_c=temperature_c, most=most_rows()))
     if simulation is None:
         simulation = _line(recording, frame, digital=digital)
-    law = Law(
-        T0_c=float(simulation["T0_c"]),
-        temperature_terms=len(simulation["k_T"]),
-        rate_terms=len(simulation["k_omega"]),
-    )
     frame = frame if whole_steps else _cut(frame)
     range_dps = recording.meta.unit.range_dps or float(np.abs(frame.rate_dps).max())
     if range_dps == 0.0:
@@ -407,9 +350,10 @@ def gyro_problem(
         shared_v = shared_motion(frame.stretches, 1.0 / frame.interval_s, frame.encoder_deg, frame.volts)
     return GyroProblem(
         frame=frame,
-        chain=GyroChain(frame, law, earth_dps, None if shared_v is None else _beyond_wide(frame, shared_v / K0)),
+        chain=GyroChain(
+            frame, Law.of(simulation), earth_dps, None if shared_v is None else _beyond_wide(frame, shared_v / K0)
+        ),
         simulation=simulation,
-        full_scale=abs(K0) * range_dps,
         range_dps=range_dps,
         without=frozenset(without),
         adc_step_v=2 * facts.adc_range_v / 2**facts.adc_bits if facts.adc_bits else 0.0,
@@ -480,14 +424,8 @@ def _line(recording: Recording, frame: Frame, *, digital: bool) -> Mapping[str, 
             f"{recording.path}: the table never turns, so the recording shows no scale factor;"
             " name a model with --model FILE (K0_v_per_dps, U0_v, T0_c, k_T, k_omega)"
         )
-    slope, offset = np.polyfit(rate_dps, output, 1).tolist()
-    return {
-        "K0_v_per_dps": math.copysign(1.0, slope) if digital else slope,
-        "U0_v": 0.0 if digital else offset,
-        "T0_c": _ROOM_C,
-        "k_T": [],
-        "k_omega": [],
-    }
+    line = straight_line(rate_dps, output, _ROOM_C)
+    return {**line, "K0_v_per_dps": math.copysign(1.0, line["K0_v_per_dps"]), "U0_v": 0.0} if digital else line
 
 
 def _cut(frame: Frame) -> Frame:

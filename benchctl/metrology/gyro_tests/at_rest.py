@@ -13,7 +13,6 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.special import chdtri
 
-from benchctl.calibration.model import EARTH_DPS, earth_rate_dps
 from benchctl.calibration.result import Contribution
 from benchctl.calibration.uncertainty import LEVEL, K, effective_dof
 from benchctl.metrology.allan import TERMS, Allan, Term, analysed, densities, unit_of
@@ -35,6 +34,7 @@ from benchctl.metrology.series import series_of_step
 from benchctl.metrology.stretches import residual_structure_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.gyro import EARTH_DPS, earth_rate_dps
 
 _DEG_PER_H = 3600.0
 _TERMS: Mapping[str, Term] = {
@@ -89,7 +89,7 @@ def _bias(obs: Observations) -> Measured:
     rest = int(np.flatnonzero((points.stretch == where) & (points.set_dps == 0.0))[0])
     sweep = np.flatnonzero(points.stretch == obs.reference)
     latitude_deg = obs.recording.meta.bench.latitude_deg
-    earth_dps = earth_rate_dps(latitude_deg)
+    earth_dps = 0.0 if latitude_deg is None else earth_rate_dps(latitude_deg)
 
     def deg_per_h(offsets: Offsets) -> FloatArray:
         rate_dps, output_v = points.moved(offsets)

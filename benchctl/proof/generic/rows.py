@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +11,11 @@ from scipy.signal import savgol_filter
 
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import Recording
+from benchctl.signals.normal import QUARTILE
 from benchctl.signals.rate import unwrap_deg
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.response_gyro import scaled_v
 
 ROWS_PER_S = 20.0
 _NEEDED = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c")
@@ -75,6 +75,7 @@ def rows_of(recording: Recording) -> Rows:
     place = np.repeat(np.arange(len(parts)), [part.shape[1] for part in parts])
     time_s, angle, rate, acceleration, jerk, celsius, output = np.concatenate(parts, axis=1)
     warmer = celsius - stated["T0_c"]
+    believed_v = scaled_v(stated["K0_v_per_dps"], stated["k_T"], stated["k_omega"], rate, warmer) + stated["U0_v"]
     at_rest_v = [part[6] - stated["K0_v_per_dps"] * part[2] for part in at_rest]
     return Rows(
         time_s=time_s - time_s[0],
@@ -86,27 +87,12 @@ def rows_of(recording: Recording) -> Rows:
         warmer_c=warmer,
         warms_c_per_s=np.gradient(_running_mean(celsius, round(_SMOOTHED_S * ROWS_PER_S)), time_s),
         output_v=output,
-        residual_v=output - _believed(stated, rate, warmer),
+        residual_v=output - believed_v,
         noise_v=_white_v(np.concatenate([np.diff(volts) for volts in at_rest_v])),
         range_dps=recording.meta.unit.range_dps or float(np.abs(rate).max()),
         k_T_terms=len(stated["k_T"]),
         k_omega_terms=len(stated["k_omega"]),
     )
-
-
-def _believed(model: Mapping[str, Any], rate: FloatArray, warmer: FloatArray) -> FloatArray:
-    """U0 + K0·k(T)·k(ω)·ω."""
-    output = rate * _series(model["k_T"], warmer) * _series(model["k_omega"], rate**2)
-    output *= model["K0_v_per_dps"]
-    output += model["U0_v"]
-    return output
-
-
-def _series(coefficients: Sequence[float], x: FloatArray) -> FloatArray:
-    total = np.zeros_like(x)
-    for coefficient in reversed(coefficients):
-        total = (total + coefficient) * x
-    return total + 1.0
 
 
 def _averaged(step: Step) -> npt.NDArray[np.float64]:
@@ -141,7 +127,7 @@ def _averaged(step: Step) -> npt.NDArray[np.float64]:
 
 def _white_v(differences: FloatArray) -> float:
     """Estimate the white noise from differences of neighbours, shape (n,); spikes and jumps are ignored."""
-    usual = np.median(np.abs(differences)) / 0.6745
+    usual = np.median(np.abs(differences)) / QUARTILE
     kept = differences[np.abs(differences) <= _SPIKE * usual]
     return max(float(np.sqrt(np.mean(kept**2) / 2.0)), 1e-9)
 

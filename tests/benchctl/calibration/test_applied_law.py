@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchctl.calibration.coefficients import applied_law, checked
-from benchctl.calibration.model import FASTEST_DPS, FLATTEST, STEEPEST, AppliedLaw, Factors, factor, odd_inverse, reach
+from benchctl.calibration.model import FASTEST_DPS, FLATTEST, STEEPEST, AppliedLaw, Factors, odd_inverse, reach
+from benchctl_instruments.physics.response_gyro import one_plus
 from tests.benchctl.calibration.made_coefficients import RATE_DPS, TEMPERATURE_C, contents
 
 
@@ -19,7 +20,7 @@ def test_an_odd_polynomial_is_inverted_as_far_as_it_rises(shares: list[float], p
     bend = [share / 1e4**i for i, share in enumerate(shares)]
     end, _ = reach(bend)
     x = 0.999 * part * end * np.array([1.0, -1.0])
-    assert odd_inverse(bend, x * factor(bend, x * x)) == pytest.approx(x, rel=1e-9)
+    assert odd_inverse(bend, x * one_plus(bend, x * x)) == pytest.approx(x, rel=1e-9)
 
 
 def test_what_lies_beyond_the_turn_has_no_rate() -> None:

@@ -4,10 +4,10 @@ import pytest
 
 from benchctl.calibration.calibrate import calibrate
 from benchctl.calibration.laws_fit import contributions
-from benchctl.calibration.model import EARTH_DPS
 from benchctl.calibration.result import CalibrationOptions
 from benchctl.recordings.model import BenchFacts
 from benchctl.recordings.stated import StatedUncertainties, stated_of
+from benchctl_instruments.physics.gyro import EARTH_DPS
 from tests.benchctl.calibration.campaigns import TRUTH, recorded
 from tests.benchctl.calibration.synthetic import meta_of
 from tests.benchctl.recordings import made

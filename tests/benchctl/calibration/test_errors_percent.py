@@ -37,3 +37,18 @@ def test_residuals_and_errors_are_the_same_numbers() -> None:
     assert np.all(result.residuals.block_s[own] <= 0.0401)
     again = percent(result.residuals.residual_dps["raw"][own], result.residuals.rate_dps[own])
     assert again == (run.error_percent["raw"], run.rms_percent["raw"])
+
+
+def test_the_residual_of_stage_1_is_that_of_its_own_coefficients() -> None:
+    result = calibrated()
+    first, line, every = result.stages[0], result.raw, result.residuals
+    turning = np.abs(every.acceleration_dps2) < 1e-3
+    rate_dps = every.rate_dps[turning] + result.earth_rate_dps
+    dt_c = every.temperature_c[turning] - result.T0_c
+    volts = line.U0_v + line.K0_v_per_dps * (every.residual_dps["raw"][turning] + rate_dps)
+    bias_v = first.U0_v + sum(c * dt_c**power for power, c in enumerate(first.u0_t, 1))
+    corrected = (volts - bias_v) / first.K0_v_per_dps
+    corrected *= 1.0 + sum(c * dt_c**power for power, c in enumerate(first.k_t.coefficients, 1))
+    corrected *= 1.0 + sum(c * corrected ** (2 * power) for power, c in enumerate(first.k_omega.coefficients, 1))
+    apart = every.residual_dps["stage_1"][turning] - (corrected - rate_dps)
+    assert np.median(np.abs(apart)) < 1e-6

@@ -13,7 +13,7 @@ from benchctl_instruments.physics.chain import Signals, gyro_baseline, run_chain
 from benchctl_instruments.physics.effects.bias_drift import BiasDrift
 from benchctl_instruments.physics.effects.scale_warm_up import ScaleWarmUp
 from benchctl_instruments.physics.effects.warm_up import WarmUp
-from benchctl_instruments.physics.gyro import EARTH_RATE_DPH, GyroParameters, earth_rate_dps, horizontal_earth_rate_dps
+from benchctl_instruments.physics.gyro import EARTH_DPS, GyroParameters, earth_rate_dps, horizontal_earth_rate_dps
 from benchctl_instruments.physics.mounting import mounted_across
 from benchctl_instruments.physics.turn_on import turned_on, warming_up_since
 
@@ -89,4 +89,4 @@ def test_across_it_feels_the_north_of_the_earths_rate_by_the_tables_angle(angle_
     north = horizontal_earth_rate_dps(58.5)
     across = mounted_across(gyro_baseline(STRAIGHT, earth_rate_dps(58.5), 0.002), 0.0, north)
     np.testing.assert_allclose(run_chain(signals(70.0, angle_deg), across).sensed_rate_dps, share * north, atol=1e-15)
-    assert math.hypot(north, earth_rate_dps(58.5)) == pytest.approx(EARTH_RATE_DPH / 3600.0)
+    assert math.hypot(north, earth_rate_dps(58.5)) == pytest.approx(EARTH_DPS)

@@ -31,7 +31,7 @@ class Made:
             volts=self.volts,
             predicted=self.predicted,
             foretold=np.ones(self.volts.size, np.bool_),
-            time_s=INTERVAL_S * np.arange(float(self.volts.size)),
+            stretches=(slice(0, self.volts.size),),
             interval_s=INTERVAL_S,
             adc_step_v=adc_step_v,
             limit_v=limit_v,

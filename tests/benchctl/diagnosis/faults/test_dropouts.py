@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchctl.diagnosis.faults import faults_in
+from benchctl.recordings.runs import gap_free
 from tests.benchctl.diagnosis.faults.made import INTERVAL_S, STEP_V, Made, made, motion
 
 FINE = made()
@@ -102,7 +103,7 @@ def test_rows_on_both_sides_of_a_gap_are_not_one_run() -> None:
         volts=held.volts,
         predicted=held.predicted,
         foretold=np.ones(time_s.size, np.bool_),
-        time_s=time_s,
+        stretches=gap_free(time_s, INTERVAL_S),
         interval_s=INTERVAL_S,
         adc_step_v=STEP_V,
     )
@@ -112,13 +113,12 @@ def test_rows_on_both_sides_of_a_gap_are_not_one_run() -> None:
 @pytest.mark.parametrize("foretold", [True, False])
 def test_where_the_prediction_is_not_made_of_what_was_measured_its_motion_makes_no_hold(foretold: bool) -> None:
     held = FINE.held([5000], 30)
-    time_s = INTERVAL_S * np.arange(float(held.volts.size))
-    beyond = np.isin(np.arange(time_s.size), np.arange(4999, 5032))
+    beyond = np.isin(np.arange(held.volts.size), np.arange(4999, 5032))
     shown = faults_in(
         volts=held.volts,
         predicted=held.predicted,
         foretold=~beyond | foretold,
-        time_s=time_s,
+        stretches=(slice(0, held.volts.size),),
         interval_s=INTERVAL_S,
         adc_step_v=STEP_V,
     )

@@ -39,7 +39,7 @@ def _found(truth: Truth) -> dict[str, Fault]:
         volts=problem.measured,
         predicted=predicted,
         foretold=problem.usable,
-        time_s=problem.time_s,
+        stretches=problem.stretches,
         interval_s=problem.interval_s,
         adc_step_v=problem.adc_step_v,
         limit_v=problem.simulation["output_limit_v"],
