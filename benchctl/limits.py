@@ -29,9 +29,6 @@ half a second."""
 MOST_STEPS = 50_000
 """Number of steps of a plan: the description of a recording has no room for more (`MOST_DESCRIPTION_BYTES`)."""
 
-LONGEST_EXPANSION_S = 2.0
-"""Processor time in which a procedure must yield all its steps; our procedures take a hundredth of a second."""
-
 LONGEST_STEP_S = 366 * 86400.0
 """Longest duration of a step: a year is longer than any soak."""
 

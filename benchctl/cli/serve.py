@@ -9,7 +9,7 @@ import typer
 
 from benchctl.cli.messages import tell
 
-_EXTRA = frozenset({"fastapi", "starlette", "uvicorn", "websockets", "h11"})
+_EXTRA = frozenset({"fastapi", "starlette", "uvicorn", "websockets"})
 
 
 def serve(

@@ -12,13 +12,12 @@ import json
 import sqlite3
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass, fields
 from pathlib import Path, PurePosixPath
 
 from benchctl.history.entries import words
 from benchctl.history.flags import Control, Flag, Siblings, control_of, flags_of, siblings_of
-from benchctl.history.index import find, keep, opened, place_of, refresh
+from benchctl.history.index import FoundFile, find, keep, opened, place_of, refresh
 from benchctl.history.series import SOURCES, Campaign, Drift, FigureSeries, Point, Source, drifts
 from benchctl.limits import listed
 from benchctl.recordings.campaign_manifest import Integrity
@@ -207,24 +206,43 @@ def history_of(
     """
     files, problems = find(folder, follow_links=follow_links)
     place = (kept_at or place_of(folder)) if kept else None
-    with closing(opened(place, say)) as index:
-        changed = refresh(index, files)
-        counted, unlinked = link(index, {file.key: file.path for file in files})
-        if place is not None and counted and (changed or not place.exists()):
-            try:
-                keep(index, place)
-            except UsageError as err:
-                say(f"{err}; the index is not kept")
-                place = None
-        unread = [Mismatch(*row) for row in index.execute("SELECT key, problem FROM files WHERE problem <> ''")]
-        problems = sorted([*problems, *unread, *unlinked], key=lambda problem: problem.where)
-        if not counted:
-            more = f", and {len(problems) - 1} more" if len(problems) > 1 else ""
-            found = f" ({problems[0]}{more})" if problems else ""
-            raise UsageError(f"{name}: holds no campaign: expected recordings (*.h5) in it or below{found}")
-        index.row_factory = sqlite3.Row
-        unlike, left_out = (set[str](), list[Mismatch]()) if all_parameters else _unlike(index)
-        return History(units=_units(index, counted, unlike), problems=(*left_out, *problems), index=place)
+    try:
+        with opened(place) as index:
+            return _history(index, files, problems, name, say, place, all_parameters=all_parameters)
+    except sqlite3.Error as err:
+        say(f"{place}: {err}; the index is thrown away and made anew from the recordings")
+    with opened(None) as index:
+        return _history(index, files, problems, name, say, place, all_parameters=all_parameters)
+
+
+def _history(
+    index: sqlite3.Connection,
+    files: Sequence[FoundFile],
+    problems: Sequence[Mismatch],
+    name: str,
+    say: Callable[[str], None],
+    place: Path | None,
+    *,
+    all_parameters: bool,
+) -> History:
+    """Return the history of a folder with these files and problems; update the index, and store it at `place`."""
+    changed = refresh(index, files)
+    counted, unlinked = link(index, {file.key: file.path for file in files})
+    if place is not None and counted and (changed or not place.exists()):
+        try:
+            keep(index, place)
+        except UsageError as err:
+            say(f"{err}; the index is not kept")
+            place = None
+    unread = [Mismatch(*row) for row in index.execute("SELECT key, problem FROM files WHERE problem <> ''")]
+    problems = sorted([*problems, *unread, *unlinked], key=lambda problem: problem.where)
+    if not counted:
+        more = f", and {len(problems) - 1} more" if len(problems) > 1 else ""
+        found = f" ({problems[0]}{more})" if problems else ""
+        raise UsageError(f"{name}: holds no campaign: expected recordings (*.h5) in it or below{found}")
+    index.row_factory = sqlite3.Row
+    unlike, left_out = (set[str](), list[Mismatch]()) if all_parameters else _unlike(index)
+    return History(units=_units(index, counted, unlike), problems=(*left_out, *problems), index=place)
 
 
 def _unlike(index: sqlite3.Connection) -> tuple[set[str], list[Mismatch]]:

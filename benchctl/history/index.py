@@ -1,8 +1,8 @@
 """The index: a SQLite cache of the contents of a folder of campaigns, so that only changed files are read again.
 
 It is only a cache: each entry belongs to a file of one size and modification time. It is modified in memory and stored
-atomically, so that two processes at once each read and store a complete index; the later one remains. A file that is
-damaged, of another version, or not an index is ignored and replaced.
+atomically, so that two processes at once each read and store a complete index; the later one remains. A file of another
+version, or in which SQLite finds an error, is ignored and replaced.
 
     files      key, size, mtime_ns, problem        key: path in the folder; problem: why it cannot be read, or empty
     campaigns  path, serial, model, procedure, started_utc, status, digest, parameters, integrity, content
@@ -19,8 +19,8 @@ from __future__ import annotations
 import hashlib
 import os
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager
 from dataclasses import astuple, dataclass
 from pathlib import Path, PurePosixPath
 from typing import Literal
@@ -28,7 +28,7 @@ from typing import Literal
 from benchctl.atomic import whole_file
 from benchctl.confined import walk
 from benchctl.history.entries import read_campaign, read_document, words
-from benchctl.history.series import SOURCES, Campaign, Document, Source
+from benchctl.history.series import Campaign, Document, Source
 from benchctl.recordings.campaign_manifest import MANIFEST, Entry, content_of, entries_of
 from benchctl.recordings.digests import Mismatch
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, RECORDING, STEPS, UNREADABLE
@@ -119,28 +119,19 @@ def _key(path: Path, folder: Path) -> str:
 
 NAME = ".benchctl-history.sqlite"
 VERSION = 3
-_MOST_BYTES = 256 << 20
-"""Maximum size of an index, enough for a hundred thousand campaigns; it is held in memory."""
-
-_COLUMNS = {
-    "files": "key text, size integer, mtime_ns integer, problem text",
-    "campaigns": "path text, serial text, model text, procedure text, started_utc text, status text, digest text, "
-    "parameters text, integrity text, content text",
-    "documents": "path text, source text, verdict text, digests text, campaign text?, sha256 text, integrity text",
-    "sealed": "manifest text, file text, sha256 text, bytes integer, digest text",
-    "figures": "document text, campaign text?, name text, unit text, value real, uncertainty real?, "
-    "temperature_c real?, bound text, source text, verdict text, low real?, high real?",
-}
-"""The columns of each table and their types; `?`: or null."""
-_CONSTRAINTS = {
-    "files": "PRIMARY KEY (key)",
-    "campaigns": "PRIMARY KEY (path), FOREIGN KEY (path) REFERENCES files ON DELETE CASCADE, "
-    "CHECK (started_utc GLOB '????-??-??T??:??:??+00:00' AND datetime(started_utc) IS NOT NULL), "
-    "CHECK (CASE WHEN json_valid(parameters) THEN json_type(parameters) = 'object' ELSE parameters = '' END)",
-    "documents": "PRIMARY KEY (path), FOREIGN KEY (path) REFERENCES files ON DELETE CASCADE",
-    "sealed": "FOREIGN KEY (manifest) REFERENCES files ON DELETE CASCADE",
-    "figures": f"FOREIGN KEY (document) REFERENCES documents ON DELETE CASCADE, CHECK (source IN {SOURCES})",
-}
+_SCHEMA = f"""
+CREATE TABLE files (key text PRIMARY KEY, size integer, mtime_ns integer, problem text);
+CREATE TABLE campaigns (path text PRIMARY KEY REFERENCES files ON DELETE CASCADE, serial text, model text,
+    procedure text, started_utc text, status text, digest text, parameters text, integrity text, content text);
+CREATE TABLE documents (path text PRIMARY KEY REFERENCES files ON DELETE CASCADE, source text, verdict text,
+    digests text, campaign text, sha256 text, integrity text);
+CREATE TABLE sealed (manifest text REFERENCES files ON DELETE CASCADE, file text, sha256 text, bytes integer,
+    digest text);
+CREATE TABLE figures (document text REFERENCES documents ON DELETE CASCADE, campaign text, name text, unit text,
+    value real, uncertainty real, temperature_c real, bound text, source text, verdict text, low real, high real);
+CREATE INDEX figures_by_document ON figures (document);
+PRAGMA user_version = {VERSION};
+"""
 
 
 def place_of(folder: Path) -> Path:
@@ -152,32 +143,22 @@ def place_of(folder: Path) -> Path:
     return cache / "benchctl" / f"history-{name}.sqlite"
 
 
-def opened(place: Path | None, say: Callable[[str], None]) -> sqlite3.Connection:
-    """Load the index into memory, to be closed by the caller; replace a damaged one by an empty one and warn.
+@contextmanager
+def opened(place: Path | None) -> Iterator[sqlite3.Connection]:
+    """Load the index into memory; it is empty if there is none of this version at `place`.
 
-    An index of another version is ignored without a warning.
+    Raises `sqlite3.Error` if it is damaged; so may each statement on it later.
     """
-    index = _empty()
-    if place is None or not place.exists():
-        return index
-    try:
-        if place.stat().st_size > _MOST_BYTES:
-            raise ValueError(f"is larger than {_MOST_BYTES / 1e6:.0f} MB")
-        # This file is only ever replaced, never modified: it needs no locks, and no journal belongs to it.
-        with closing(sqlite3.connect(f"{place.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as kept:
-            if _version(kept) != VERSION:
-                return index
-            kept.backup(index)
-        # In memory, because SQLite 3.40 does not check the columns' types of a read-only file.
-        faults = [text for (text,) in index.execute("PRAGMA quick_check(1)")]
-        with closing(_empty()) as empty:
-            if faults != ["ok"] or _tables(index) != _tables(empty):
-                raise ValueError("is damaged")
-    except (sqlite3.Error, ValueError, OSError) as err:
-        say(f"{place}: {err}; the index is thrown away and made anew from the recordings")
-        index.close()
-        return _empty()
-    return index
+    with closing(sqlite3.connect(":memory:")) as index:
+        index.execute("PRAGMA foreign_keys = ON")
+        if place is not None and place.exists():
+            # This file is only ever replaced, never modified: it needs no locks, and no journal belongs to it.
+            with closing(sqlite3.connect(f"{place.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as kept:
+                if kept.execute("PRAGMA user_version").fetchone() == (VERSION,):
+                    kept.backup(index)
+        if index.execute("PRAGMA user_version").fetchone() == (0,):
+            index.executescript(_SCHEMA)
+        yield index
 
 
 def keep(index: sqlite3.Connection, place: Path) -> None:
@@ -257,34 +238,3 @@ def _sealed(manifest: str, entries: Mapping[str, Entry]) -> list[tuple[str, str,
         for name, entry in entries.items()
         if is_wanted(PurePosixPath(name).name)
     ]
-
-
-def _empty() -> sqlite3.Connection:
-    index = sqlite3.connect(":memory:")
-    index.execute("PRAGMA foreign_keys = ON")
-    index.text_factory = lambda text: text.decode("utf-8", "replace")
-    for table, columns in _COLUMNS.items():
-        index.execute(f"CREATE TABLE {table} ({_checked(columns)}, {_CONSTRAINTS[table]})")
-    index.execute("CREATE INDEX figures_by_document ON figures (document)")
-    index.execute(f"PRAGMA user_version = {VERSION}")
-    return index
-
-
-def _checked(columns: str) -> str:
-    """Return columns with type checks, so that SQLite verifies a stored index as well."""
-    definitions = []
-    for column in columns.split(", "):
-        name, kind = column.removesuffix("?").split()
-        kinds = f"'{kind}', 'null'" if column.endswith("?") else f"'{kind}'"
-        definitions.append(f"{name} {kind} CHECK (typeof({name}) IN ({kinds}))")
-    return ", ".join(definitions)
-
-
-def _version(index: sqlite3.Connection) -> int:
-    (version,) = index.execute("PRAGMA user_version").fetchone()
-    return int(version)
-
-
-def _tables(index: sqlite3.Connection) -> list[tuple[str, str | None]]:
-    """Return names and definitions of all objects in a database."""
-    return index.execute("SELECT name, sql FROM sqlite_master ORDER BY name").fetchall()

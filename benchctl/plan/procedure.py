@@ -9,17 +9,15 @@ from __future__ import annotations
 import inspect
 import itertools
 import math
-import signal
-import threading
 import traceback
 import typing
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from benchctl.closeness import meant
-from benchctl.limits import LONGEST_EXPANSION_S, MOST_STEPS, cut, shown
+from benchctl.limits import MOST_STEPS, cut, shown
 from benchctl.plan.steps import Step
 from benchctl.units import quantity, unit_stated
 from benchctl_instruments.errors import BenchError, UsageError
@@ -138,8 +136,7 @@ class Procedure:
             values[name] = known[name].parse(text)
         given = cut(str(values))
         try:
-            with _limited_time():
-                steps = tuple(itertools.islice(self.function(**values), MOST_STEPS + 1))
+            steps = tuple(itertools.islice(self.function(**values), MOST_STEPS + 1))
         except BaseException as err:
             # Any exception of a user's procedure is a fault of it or of its parameters, reported in one line.
             if isinstance(err, KeyboardInterrupt):
@@ -200,29 +197,6 @@ def _read_parameters(function: Callable[..., Iterable[Step]]) -> Iterable[Parame
         except UsageError as err:
             raise UsageError(f"procedure {function.__name__}: the default of {name}: {err}") from err
         yield parameter
-
-
-@contextmanager
-def _limited_time() -> Iterator[None]:
-    """Raise `TimeoutError` in user code that computes for longer than `LONGEST_EXPANSION_S`.
-
-    The limit applies to processor time and is thus independent of the machine's load. It works in the main thread
-    only, and not on Windows.
-    """
-    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
-        yield
-        return
-
-    def stop(*_: object) -> None:
-        raise TimeoutError(f"computes for more than {LONGEST_EXPANSION_S:g} s; expected to yield a step, or to end")
-
-    before = signal.signal(signal.SIGVTALRM, stop)
-    signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST_EXPANSION_S)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
-        signal.signal(signal.SIGVTALRM, before)
 
 
 def fault_in(file: str, err: BaseException) -> str:

@@ -6,11 +6,12 @@ import itertools
 import queue
 import threading
 from collections import OrderedDict
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from benchctl.dashboard.data.cached import BlockFile, Cache
+from benchctl.dashboard.data.cached import Cache
 from benchctl.dashboard.data.envelope import BLOCK, COLUMNS, Envelope, Pyramid, Run, blocks_of
 from benchctl.dashboard.data.stored import ChangedError
 from benchctl.dashboard.data.tracks import Track
@@ -21,12 +22,12 @@ MOST_SAMPLES = 2_000_000
 """Maximum number of samples that a view reads from a recording: 0.2 s."""
 
 
-class BlocksInMemory:
-    """Blocks of a small or growing track."""
+class Blocks:
+    """Blocks of a track, in memory, where more can be appended, or mapped from a file of the cache."""
 
-    def __init__(self) -> None:
-        self._rows: FloatArray = np.empty((0, COLUMNS))
-        self.rows = 0
+    def __init__(self, mapped: FloatArray | None = None) -> None:
+        self._rows: FloatArray = np.empty((0, COLUMNS)) if mapped is None else mapped
+        self.rows = len(self._rows)
 
     def append(self, rows: FloatArray) -> None:
         """Append blocks, shape (n, 5)."""
@@ -39,16 +40,12 @@ class BlocksInMemory:
 
     def read(self, first: int, end: int) -> FloatArray:
         """Return blocks, shape (end - first, 5)."""
-        return self._rows[first:end]
+        return np.asarray(self._rows[first:end])
 
     @property
     def nbytes(self) -> int:
         """Memory used by the blocks."""
-        return self._rows.nbytes
-
-
-Blocks = BlocksInMemory | BlockFile
-"""The storage of blocks, during and after their computation."""
+        return 0 if isinstance(self._rows, np.memmap) else self._rows.nbytes
 
 
 class Overview:
@@ -139,16 +136,11 @@ class Overviews:
             if found is not None:
                 self._known.move_to_end(track.name)
                 return found
-        if track.growing or track.length < _KEPT_FROM or (kept := self._cache.find(track.name)) is None:
+        if track.growing or track.length < _KEPT_FROM or (rows := self._cache.find(track.name)) is None:
             return None
-        found = Overview(kept)
-        found.reached(kept.rows, track.length, complete=True)
+        found = Overview(Blocks(rows))
+        found.reached(len(rows), track.length, complete=True)
         return self._keep(track.name, found)
-
-    def forget(self, track: Track) -> None:
-        """Remove an overview whose cache file was deleted."""
-        with self._lock:
-            self._known.pop(track.name, None)
 
     def want(self, track: Track, *, urgent: bool) -> None:
         """Request the computation of an overview, or its extension; urgent ones come first."""
@@ -188,7 +180,7 @@ class Overviews:
             except (ChangedError, _StoppedError):
                 pass  # the next reader gets what is available
             except (UsageError, OSError) as err:
-                self._keep(track.name, Overview(BlocksInMemory(), failed=str(err)))
+                self._keep(track.name, Overview(Blocks(), failed=str(err)))
             finally:
                 with self._lock:
                     self._busy.discard(track.name)
@@ -199,22 +191,18 @@ class Overviews:
             return
         if track.growing:
             self._extend(track, found)
-        elif found is None and track.length >= _KEPT_FROM:
-            try:
-                with self._cache.making(track.name) as writer:
-                    self._fill(track, writer, Overview(writer))
-            except OSError:  # disk error: continue without a file
-                self._fill_in_memory(track)
         elif found is None:
-            self._fill_in_memory(track)
+            blocks = self._fill(track)
+            if track.length >= _KEPT_FROM:
+                with suppress(UsageError, OSError):  # disk error: it stays in memory
+                    self._cache.store(track.name, blocks.read(0, blocks.rows))
+                    if self._cache.find(track.name) is not None:
+                        self._forget(track)  # from now on mapped
 
-    def _fill_in_memory(self, track: Track) -> None:
-        blocks = BlocksInMemory()
-        self._fill(track, blocks, Overview(blocks))
-
-    def _fill(self, track: Track, blocks: Blocks, overview: Overview) -> None:
+    def _fill(self, track: Track) -> Blocks:
         """Compute an overview from start to end; it can be read meanwhile."""
-        self._keep(track.name, overview)
+        blocks = Blocks()
+        overview = self._keep(track.name, Overview(blocks))
         samples = 0
         try:
             for stretch in track.stretches:
@@ -225,19 +213,24 @@ class Overviews:
                     samples += len(values)
                     overview.reached(blocks.rows, samples)
         except BaseException:
-            self.forget(track)
+            self._forget(track)
             raise
         overview.reached(blocks.rows, samples, complete=True)
+        return blocks
 
     def _extend(self, track: Track, found: Overview | None) -> None:
         """Extend the overview of a growing track by its complete blocks."""
-        overview = found or self._keep(track.name, Overview(BlocksInMemory()))
+        overview = found or self._keep(track.name, Overview(Blocks()))
         for stretch in track.stretches:  # a step that is being written has only one
             for time_s, values in stretch.strides(overview.samples, stretch.settled // BLOCK * BLOCK):
                 if self._stop.is_set():
                     raise _StoppedError
                 overview.blocks.append(blocks_of(time_s, values))
                 overview.reached(overview.blocks.rows, overview.samples + len(values))
+
+    def _forget(self, track: Track) -> None:
+        with self._lock:
+            self._known.pop(track.name, None)
 
     def _keep(self, name: str, overview: Overview) -> Overview:
         """Store an overview, and remove the least recently used ones above the memory limit."""

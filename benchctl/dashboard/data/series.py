@@ -136,11 +136,7 @@ class SeriesReader:
             return 0
         if overview.failed:
             raise UsageError(overview.failed)
-        try:
-            return overview.fill(envelope, track)
-        except OSError as err:  # removed from the cache
-            self._overviews.forget(track)
-            raise ChangedError(track.path) from err
+        return overview.fill(envelope, track)
 
     def _done(self, tracks: list[Track]) -> float:
         known = [(track.length, self._overviews.of(track)) for track in tracks]

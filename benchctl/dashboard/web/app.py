@@ -52,7 +52,7 @@ async def openapi(request: Request, caller: CallerOf) -> Response:
 
 
 def _history(site: Site) -> object:
-    from benchctl.dashboard.data.units import history_json  # its fits take seconds to import
+    from benchctl.dashboard.data.history import history_json  # its fits take seconds to import
 
     try:
         return history_json(site.root, site.cache)

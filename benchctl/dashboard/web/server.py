@@ -17,6 +17,7 @@ from pathlib import Path
 
 import uvicorn
 from starlette.types import ASGIApp
+from uvicorn.server import ServerState
 
 import benchctl
 from benchctl.campaign.stop import StopRequest, stop_on_signals
@@ -25,18 +26,25 @@ from benchctl.dashboard.data.catalogue import Catalogue
 from benchctl.dashboard.data.contents import cache_folder
 from benchctl.dashboard.data.series import SeriesReader
 from benchctl.dashboard.web.app import page_app
-from benchctl.dashboard.web.connections import AT_ONCE, IDLE_S, STALLED_S, Connection, Socket, sweep
 from benchctl.dashboard.web.gate import MOST_HEADER_BYTES, is_loopback, own_names
 from benchctl.dashboard.web.live_routes import MOST_MESSAGE_BYTES
 from benchctl.dashboard.web.sessions import Tokens
 from benchctl.dashboard.web.site import Explain, Site
 from benchctl_instruments.errors import UsageError
 
+STALLED_S = 20.0
+"""Time after which a connection is closed if the client does not read what is sent to it."""
+_MOST_CONNECTIONS = 512
+"""Number of open connections from which requests are refused (503); `MOST_VIEWERS` browsers open 7 each."""
 _SEND_BUFFER_BYTES = 256 << 10
 """Size of the system's send buffer: enough for a fast reader, small for many slow ones."""
 _GOODBYE_S = 0.5
 """Time for clients to read their responses when the server ends."""
+_IDLE_S = 20
+"""Longest time between two requests on a connection."""
 _PING_EVERY_S, _PONG_WITHIN_S = 5.0, STALLED_S - 5.0
+_REFUSED_WEBSOCKET = "ASGI callable returned without completing handshake."
+"""What uvicorn logs as an error for every refused websocket."""
 
 
 def listening(host: str, port: int) -> socket.socket:
@@ -51,7 +59,7 @@ def listening(host: str, port: int) -> socket.socket:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
         sock.bind(address)
-        sock.listen(AT_ONCE)
+        sock.listen()
     except OSError as err:
         sock.close()
         if err.errno == errno.EADDRINUSE:
@@ -71,19 +79,21 @@ def lower_priority() -> None:
 def serve_until(stop: StopRequest, app: ASGIApp, sock: socket.socket, ready: Callable[[], None]) -> None:
     """Serve on a socket until a stop is requested; `ready` is called when requests can be served."""
     logging.getLogger("uvicorn").addHandler(logging.StreamHandler())
+    logging.getLogger("uvicorn.error").addFilter(lambda record: record.msg != _REFUSED_WEBSOCKET)
     config = uvicorn.Config(
         app,
-        http=Connection,
-        ws=Socket,
+        http="h11",
+        ws="websockets-sansio",
         lifespan="off",
         log_config=None,
         log_level="error",
         access_log=False,
         proxy_headers=False,
         server_header=False,
-        backlog=AT_ONCE,
+        backlog=128,  # also the maximum of new connections in one iteration of the event loop
+        limit_concurrency=_MOST_CONNECTIONS,
         h11_max_incomplete_event_size=MOST_HEADER_BYTES,
-        timeout_keep_alive=int(IDLE_S),
+        timeout_keep_alive=_IDLE_S,
         timeout_graceful_shutdown=1,
         ws_max_size=MOST_MESSAGE_BYTES,
         ws_ping_interval=_PING_EVERY_S,
@@ -104,7 +114,7 @@ class _Server(uvicorn.Server):
 
 async def _serve(server: _Server, stop: StopRequest, sock: socket.socket, ready: Callable[[], None]) -> None:
     serving = asyncio.create_task(server.serve([sock]))
-    sweeping = asyncio.create_task(sweep(server.server_state))
+    sweeping = asyncio.create_task(_close_stalled(server.server_state))
     while not server.started and not serving.done():
         await asyncio.sleep(0.01)
     ready()
@@ -116,6 +126,21 @@ async def _serve(server: _Server, stop: StopRequest, sock: socket.socket, ready:
     server.force_exit = True
     await serving
     sweeping.cancel()
+
+
+async def _close_stalled(state: ServerState) -> None:
+    """Close connections of which no byte was read for `STALLED_S`, looking once a second; runs until cancelled."""
+    unsent: dict[object, tuple[int, float]] = {}  # the bytes of a connection, and since when they are the same
+    while True:
+        now_s = asyncio.get_running_loop().time()
+        before, unsent = unsent, {}
+        for connection in list(state.connections):
+            size = connection.transport.get_write_buffer_size()
+            last_size, since_s = before.get(connection, (0, now_s))
+            unsent[connection] = size, since_s if size == last_size else now_s
+            if size and now_s - unsent[connection][1] > STALLED_S:
+                connection.transport.abort()
+        await asyncio.sleep(1.0)
 
 
 def run_page(

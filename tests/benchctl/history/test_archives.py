@@ -121,24 +121,13 @@ def test_a_header_that_claims_gigabytes_is_refused(tmp_path: Path) -> None:
     info.size = 1 << 40
     (tmp_path / "bad.tar").write_bytes(info.tobuf() + bytes(10_240))
     assert "unpacks to more than" in _refused(tmp_path / "bad.tar")
-    info.type = tarfile.XHDTYPE
-    info.size = 1 << 30
-    (tmp_path / "bad.tar").write_bytes(info.tobuf(tarfile.GNU_FORMAT) + bytes(10_240))
-    assert "claims 1073741824 bytes" in _refused(tmp_path / "bad.tar")
 
 
-def test_a_name_twice_is_refused(tmp_path: Path) -> None:
-    members = [(tarfile.TarInfo("a/recording.h5"), b"1"), (tarfile.TarInfo("a/./recording.h5"), b"2")]
-    assert "'recording.h5' twice" in _refused(_tar(tmp_path / "twice.tar", members))
-
-
-@pytest.mark.parametrize("name", ["cut.zip", "cut.tar.gz", "spoilt.zip", "text.zip", "nothing.tar", "lzma.zip", "a.7z"])
+@pytest.mark.parametrize("name", ["cut.zip", "cut.tar.gz", "spoilt.zip", "text.zip", "nothing.tar", "a.7z"])
 def test_what_is_no_whole_archive_is_one_clear_line(folder: Path, tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     content = (folder / "000_SN-1" / "recording.h5").read_bytes()
-    if name == "lzma.zip":
-        _zip(path, {"recording.h5": content}, compression=zipfile.ZIP_LZMA)
-    elif name == "cut.tar.gz":
+    if name == "cut.tar.gz":
         _tar(path, [(tarfile.TarInfo("recording.h5"), content)], "w:gz")
         path.write_bytes(path.read_bytes()[:-3000])
     elif name in ("cut.zip", "spoilt.zip"):

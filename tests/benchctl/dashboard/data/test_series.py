@@ -171,7 +171,7 @@ def test_a_kept_overview_serves_at_once_and_a_damaged_one_is_made_anew(tmp_path:
 
 
 @pytest.mark.usefixtures("few")
-def test_an_overview_that_is_thrown_out_under_a_view_is_made_anew(
+def test_an_overview_that_is_thrown_out_under_a_view_stays_right(
     tmp_path: Path, cache: Path, reader: SeriesReader
 ) -> None:
     path = _large(tmp_path)

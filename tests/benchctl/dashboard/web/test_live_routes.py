@@ -16,9 +16,9 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection
 
-from benchctl.dashboard.web.connections import STALLED_S
 from benchctl.dashboard.web.live_routes import MOST_MESSAGE_BYTES
 from benchctl.dashboard.web.rooms import MOST_VIEWERS
+from benchctl.dashboard.web.server import STALLED_S
 from tests.benchctl.dashboard.web.conftest import OVER, RUNNING
 from tests.benchctl.dashboard.web.serving import Served
 

@@ -1,9 +1,8 @@
-"""A run whose live page is attacked from all sides: the run does not notice."""
+"""A run whose live page is attacked from all sides: the run does not notice, even if the page answers nobody."""
 
 from __future__ import annotations
 
 import json
-import statistics
 import threading
 import time
 from contextlib import ExitStack, suppress
@@ -16,9 +15,8 @@ from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
 from tests.benchctl.cli.processes import simulated_servers, started
 from tests.benchctl.dashboard.web.serving import Served, serving
-from tests.benchctl.dashboard.web.test_connections import CROWDS
+from tests.benchctl.dashboard.web.test_connections import CROWD, CROWDS, open_sockets
 from tests.benchctl.dashboard.web.test_live_routes import deaf_viewer
-from tests.slowness import slowness
 
 PROCEDURE = """
 from benchctl.plan import ConstantRate, Static, procedure
@@ -36,9 +34,7 @@ RATE_HZ = 500.0
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-def test_a_run_completes_without_a_lost_sample_while_its_page_is_attacked_and_a_viewer_sees_it_all_the_time(
-    tmp_path: Path,
-) -> None:
+def test_a_run_loses_no_sample_while_a_thousand_connections_are_open_to_its_page(tmp_path: Path) -> None:
     campaign, result = tmp_path / "results" / "steady", tmp_path / "result.json"
     campaign.parent.mkdir()
     (tmp_path / "steady.py").write_text(PROCEDURE)
@@ -56,22 +52,17 @@ def test_a_run_completes_without_a_lost_sample_while_its_page_is_attacked_and_a_
         attacks = [threading.Thread(target=attack, args=(served, key, over, which)) for which in range(4)]
         for one in attacks:
             one.start()
-        waits_s = []
+        most_open = 0
         while run.poll() is None:
-            began_s = time.monotonic()
-            with served.client() as client:
-                assert client.get(f"/api/campaigns/{key}/events").status_code == 200
-            waits_s.append(time.monotonic() - began_s)
+            most_open = max(most_open, open_sockets(served))
             time.sleep(0.5)
         over.set()
         for one in attacks:
             one.join()
         assert run.returncode == 0, run.communicate()
+        assert served.key_of(campaign.name) == key
         assert served.stop().count("\n") == 1
-    assert len(waits_s) > 10
-    # the server gives way to the run, and both to whatever else this machine does: the worst is no measure of it
-    assert statistics.median(waits_s) < 1.0 * slowness(), waits_s
-    assert max(waits_s) < 10.0, waits_s
+    assert most_open >= CROWD
     assert json.loads(result.read_text())["status"] == "complete"
     with open_recording(campaign) as recording:
         assert [(info.whole, info.gaps) for info in recording.infos] == [(True, 0)] * 3
@@ -80,20 +71,22 @@ def test_a_run_completes_without_a_lost_sample_while_its_page_is_attacked_and_a_
 
 
 def attack(served: Served, key: str, over: threading.Event, which: int) -> None:
-    """One of four attackers, until the run is over."""
-    while not over.is_set():
-        with ExitStack() as stack, suppress(OSError, httpx.TransportError):
-            for number in range(150):
-                if which == 0:
-                    stack.enter_context(deaf_viewer(served, key))
-                    over.wait(0.1)
-                elif which == 1:
-                    stop_it(served, key)
-                else:
-                    line = stack.enter_context(served.line())
-                    CROWDS[(number + which) % len(CROWDS)](line, number)
-                if over.is_set():
-                    return
+    """One of four attackers, until the run is over: viewers that read nothing, requests to stop it, connections."""
+    with ExitStack() as stack:
+        for number in range(CROWD // 2 if which >= 2 else 0):
+            CROWDS[number % 3](stack.enter_context(served.line()), number)
+        while not over.is_set():
+            with ExitStack() as viewers, suppress(OSError, httpx.TransportError):
+                for number in range(150):
+                    if over.is_set():
+                        return
+                    if which == 0:
+                        viewers.enter_context(deaf_viewer(served, key))
+                        over.wait(0.1)
+                    elif which == 1:
+                        stop_it(served, key)
+                    else:
+                        CROWDS[number % len(CROWDS)](viewers.enter_context(served.line()), number)
 
 
 def stop_it(served: Served, key: str) -> None:
@@ -101,5 +94,5 @@ def stop_it(served: Served, key: str) -> None:
     with served.client(served.view_token) as viewer, served.client(f"{served.token}x") as nobody:
         for client in (viewer, nobody):
             refused = client.post(f"/api/campaigns/{key}/stop", json={"confirm": "steady"})
-            assert refused.status_code in (401, 403)
+            assert refused.status_code in (401, 403, 503)
             time.sleep(0.02)

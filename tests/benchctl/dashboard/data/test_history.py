@@ -7,7 +7,7 @@ import pytest
 
 from benchctl.cli.app import run_verb
 from benchctl.dashboard.data.contents import cache_folder
-from benchctl.dashboard.data.units import history_json
+from benchctl.dashboard.data.history import history_json
 from benchctl.recordings.writer import write_recording
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
