@@ -1,4 +1,6 @@
-"""The Python interface: plan, run, open, fit, diagnose and accept, each a function that returns a frozen result.
+"""The Python interface: plan, run, resume, simulate, open, fit, apply, diagnose, accept and allan.
+
+Each is a function that returns a frozen result.
 
 >>> from benchctl import api
 >>> plan = api.plan("rate_sweep", soak_s=600, rates=3, run_s=10, zero_s=10)
@@ -16,36 +18,41 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from contextlib import nullcontext
+from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
-from benchctl.app.accept import accept_recording
-from benchctl.app.diagnose import diagnose_recordings, write_diagnosed
-from benchctl.app.fit import calibrated
+from benchctl.app import accept as accepting
+from benchctl.app import allan as analysing
+from benchctl.app import diagnose as diagnosing
+from benchctl.app import fit as fitting
+from benchctl.app import run as running
+from benchctl.app.accept import Accepted
+from benchctl.app.allan import AllanResult
+from benchctl.app.compensate import Compensated, compensate
+from benchctl.app.diagnose import Diagnosed
+from benchctl.app.fit import FitResult
+from benchctl.app.run import Watch
 from benchctl.bench import SIMULATED, Bench, load_bench
-from benchctl.campaign.playing import new_folder, play
+from benchctl.calibration.coefficients import By
 from benchctl.campaign.runner import Moment, Outcome, Progress, nobody
-from benchctl.diagnosis.result import Diagnosis, Finding, Part
-from benchctl.diagnosis.result import Verdict as DiagnosisVerdict
-from benchctl.metrology.limit_file import read_limits
-from benchctl.metrology.result import Acceptance, Judged, Verdict
+from benchctl.diagnosis.result import Part
 from benchctl.plan import Plan, Procedure
 from benchctl.plan.find import find_procedure
 from benchctl.plan.written import as_texts
-from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.reader import Recording, open_recording
-from benchctl.recordings.verify import refuse_changed
 from benchctl_instruments.errors import BenchError, InstrumentError, LinkError, SafetyError, UsageError
 
 __all__ = [
     "Accepted",
+    "AllanResult",
     "Bench",
     "BenchError",
+    "Compensated",
     "Diagnosed",
-    "Fitted",
+    "FitResult",
     "InstrumentError",
     "LinkError",
     "Moment",
@@ -57,12 +64,16 @@ __all__ = [
     "Source",
     "UsageError",
     "accept",
+    "allan",
+    "apply",
     "diagnose",
     "fit",
     "load_bench",
     "open",
     "plan",
+    "resume",
     "run",
+    "simulate",
 ]
 
 Source = Recording | Outcome | str | PathLike[str]
@@ -91,7 +102,7 @@ def open(path: str | PathLike[str]) -> Recording:
     return open_recording(Path(path))
 
 
-def paths_of(recordings: Source | Iterable[Source], therefore: str) -> list[Path]:
+def _paths_of(recordings: Source | Iterable[Source], therefore: str) -> list[Path]:
     """Return the paths of one or several recordings; raise `UsageError` if there are none.
 
     `therefore` is the past participle of the action, such as "fitted", for the message.
@@ -102,12 +113,8 @@ def paths_of(recordings: Source | Iterable[Source], therefore: str) -> list[Path
     return [_path_of(one) for one in given]
 
 
-def unchanged_paths_of(recordings: Source | Iterable[Source], therefore: str) -> list[Path]:
-    """Return the same as `paths_of`; raise `UsageError` if a recording has changed since it was written."""
-    paths = paths_of(recordings, therefore)
-    for path in paths:
-        refuse_changed(path, therefore)
-    return paths
+def _path_or_none(path: str | PathLike[str] | None) -> Path | None:
+    return None if path is None else Path(path)
 
 
 def _path_of(recording: Source) -> Path:
@@ -147,7 +154,8 @@ def _plain(parameters: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value.tolist() if hasattr(value, "tolist") else value for name, value in parameters.items()}
 
 
-_plan_of = plan
+def _planned(given: Plan | Procedure | str | PathLike[str]) -> Plan:
+    return given if isinstance(given, Plan) else plan(given)
 
 
 def run(
@@ -196,56 +204,85 @@ def run(
     >>> outcome.status, outcome.whole, outcome.samples
     ('complete', 2, 5000)
     """
-    chosen = bench if isinstance(bench, Bench) else load_bench(fspath(bench))
-    if seed is not None and (seed < 0 or not chosen.simulated):
-        raise UsageError(f"seed = {seed}: expected 0 or more, and a bench with simulated = true; this is {chosen.name}")
-    planned = plan if isinstance(plan, Plan) else _plan_of(plan)
-    folder = new_folder(planned.procedure, chosen.unit.serial) if out is None else Path(out)
-    shown: AbstractContextManager[Progress] = nullcontext(progress)
-    outcome = play(planned, chosen.with_seed(seed), folder, warn=_warn, progress=shown, wires=wires)
-    if check and outcome.error is not None:
-        outcome.error.add_note(f"the recording of what was done: {outcome.recording}")
-        raise outcome.error
+    chosen, planned = running.bench_of(bench, seed), _planned(plan)
+    folder = running.new_folder(planned.procedure, chosen.unit.serial) if out is None else Path(out)
+    outcome = running.play(planned, chosen, folder, watch=_watch(progress, 3), wires=wires)
+    if check:
+        outcome.raise_error()
     return outcome
 
 
-def _warn(message: str) -> None:
-    warnings.warn(message, stacklevel=4)  # the caller of `run`
+def _watch(progress: Progress, level: int) -> Watch:
+    """Warn in the name of the caller of a function here, `level` calls above where the warning is given."""
+    return Watch(warn=partial(warnings.warn, stacklevel=level), progress=nullcontext(progress))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fitted:
-    """A calibration; `print` shows the text of `benchctl fit`.
+def resume(
+    campaign: str | PathLike[str],
+    plan: Plan | Procedure | str | PathLike[str],
+    bench: Bench | str | PathLike[str] = SIMULATED,
+    *,
+    seed: int | None = None,
+    progress: Progress = nobody,
+    wires: bool = True,
+    check: bool = True,
+) -> Outcome:
+    """Resume a campaign that ended early: its folder, with the plan, bench and `wires` that it began with in `api.run`.
 
-    Attributes
-    ----------
-    coefficients
-        The content of `coefficients.json`: stages, joint fit, covariances, valid ranges,
-        expanded uncertainties (95.45 %).
-    error_percent
-        The largest residual rate divided by the largest rate, in percent, on held-out runs; by level: `raw`,
-        `stage_1`, `stage_2`, `joint`, as far as the recording allows.
-    rms_percent
-        The same for the rms of the residual rate.
-    K0_v_per_dps, U0_v
-        Scale factor and offset of the last stage.
-    warnings
-        Messages on quantities that the recording could not determine.
-    files
-        The paths of `coefficients` and `report`, if they were written.
+    A real bench moves at once. If all steps are complete, the campaign is only closed, and nothing moves.
+
+    Raises
+    ------
+    UsageError
+        Before anything moves: the folder contains no campaign, it was begun with something else, or it is in use.
+    BenchError
+        As in `api.run`.
+
+    Examples
+    --------
+    >>> from benchctl import api
+    >>> plan = api.plan("static", soak_s=60, duration_s=10)
+    >>> api.resume("stopped", plan).status
+    'complete'
     """
+    chosen, seeded = running.bench_of(bench, seed), seed is not None
+    watch = _watch(progress, 4)
+    outcome = running.resume(_planned(plan), chosen, Path(campaign), watch=watch, seeded=seeded, wires=wires)
+    if check:
+        outcome.raise_error()
+    return outcome
 
-    coefficients: Mapping[str, Any]
-    error_percent: Mapping[str, float]
-    rms_percent: Mapping[str, float]
-    K0_v_per_dps: float
-    U0_v: float
-    warnings: tuple[str, ...]
-    says: str = field(repr=False)
-    files: Mapping[str, Path] = field(default_factory=dict)
 
-    def __str__(self) -> str:
-        return self.says
+def simulate(
+    plan: Plan | Procedure | str | PathLike[str],
+    output: str | PathLike[str],
+    bench: Bench | str | PathLike[str] = SIMULATED,
+    *,
+    model: str | PathLike[str] | None = None,
+    seed: int | None = None,
+    progress: Progress = nobody,
+) -> Outcome:
+    """Record a plan on a simulated bench without the instrument protocols; only the file `output` is written.
+
+    Plan, bench, seed and progress are as in `api.run`. The bench follows a `model` file, for example of a diagnosis.
+
+    Raises
+    ------
+    UsageError
+        If the bench is real, the model cannot be used, or `output` exists or cannot be written.
+    BenchError
+        The error that ended the run early; nothing is kept then.
+
+    Examples
+    --------
+    >>> from benchctl import api
+    >>> plan = api.plan("static", soak_s=60, duration_s=10)
+    >>> api.simulate(plan, "rest.h5", seed=7).samples
+    5000
+    """
+    chosen, watch = running.bench_of(bench, None), _watch(progress, 4)
+    followed = _path_or_none(model)
+    return running.simulate(_planned(plan), chosen, Path(output), watch=watch, model=followed, seed=seed)
 
 
 def fit(
@@ -253,7 +290,7 @@ def fit(
     *,
     out: str | PathLike[str] | None = None,
     model: str | PathLike[str] | None = None,
-) -> Fitted:
+) -> FitResult:
     """Fit the two-stage calibration and the joint one to a recording, or to several of one unit.
 
     `coefficients.json` and `report.html` are written to `out`, if given. The unnamed structures in a diagnosis' `model`
@@ -271,42 +308,32 @@ def fit(
     >>> f"{fitted.K0_v_per_dps:.3f} V/(deg/s)", sorted(fitted.files)
     ('0.050 V/(deg/s)', ['coefficients', 'report'])
     """
-    found = calibrated(paths_of(recordings, "fitted"), None if model is None else Path(model))
-    written: dict[str, Path] = {}
-    if out is not None:
-        folder = Path(out)
-        values = found.write(folder).values
-        written = {name: values[name] for name in ("coefficients", "report")}
-        add_to_manifest(folder, written.values())
-    return Fitted(
-        coefficients=found.content,
-        error_percent=found.values["error_percent"],
-        rms_percent=found.values.get("rms_percent", {}),
-        K0_v_per_dps=found.values["K0_v_per_dps"],
-        U0_v=found.values["U0_v"],
-        warnings=tuple(found.values.get("warnings", ())),
-        says=found.says,
-        files=written,
-    )
+    return fitting.fit(_paths_of(recordings, "fitted"), out=_path_or_none(out), model=_path_or_none(model))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnosed:
-    """A diagnosis; `print` shows its text.
+def apply(
+    recording: Source, coefficients: str | PathLike[str], output: str | PathLike[str], *, law: By | None = None
+) -> Compensated:
+    """Compensate a recording: write the copy `output` with the compensated rate, the channel `compensated_dps`.
 
-    `verdict` is `consistent`, `recalibrate`, `missing-physics` or `unknown-structure`. Each finding names an effect,
-    its parameters with 95 % intervals in their units, its coordinate, and the alternatives. `diagnosis` is the complete
-    result; its `as_json()` is the output of `benchctl diagnose --json`. `files` are the paths of `report`, `summary`
-    and `model`, if they were written.
+    `coefficients` is a file that `api.fit` wrote; `law` chooses its joint fit, the default if there is one, or its
+    stages. The channel `compensated_valid` is 1 where rate and temperature are in the measured range.
+
+    Raises
+    ------
+    UsageError
+        If `output` exists or cannot be written, the coefficients are unusable or of another unit, or the recording
+        cannot be read or compensated or was changed.
+
+    Examples
+    --------
+    >>> from benchctl import api
+    >>> fitted = api.fit("sweep", out="sweep")
+    >>> compensated = api.apply("sweep", fitted.files["coefficients"], "compensated.h5")
+    >>> compensated.compensation.by, compensated.applied.samples > 10_000
+    ('joint', True)
     """
-
-    verdict: DiagnosisVerdict
-    findings: tuple[Finding, ...]
-    diagnosis: Diagnosis = field(repr=False)
-    files: Mapping[str, Path] = field(default_factory=dict)
-
-    def __str__(self) -> str:
-        return "\n".join([self.diagnosis.says, *(finding.says for finding in self.findings)])
+    return compensate(_path_of(recording), Path(coefficients), Path(output), law=law)
 
 
 def diagnose(
@@ -348,34 +375,9 @@ def diagnose(
     >>> found.verdict, [finding.effect for finding in found.findings]
     ('missing-physics', ['rate_nonlinearity'])
     """
-    paths = unchanged_paths_of(recordings, "diagnosed")
-    named = None if model is None else Path(model)
-    found = diagnose_recordings(paths, model=named, part=part, seed=seed, progress=progress)
-    written: dict[str, Path] = {}
-    if out is not None:
-        written = write_diagnosed(found, Path(out))
-        add_to_manifest(Path(out), written.values())
-    diagnosis = found.diagnosis
-    return Diagnosed(verdict=diagnosis.verdict, findings=diagnosis.findings, diagnosis=diagnosis, files=written)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Accepted:
-    """An acceptance; `print` shows the text of `benchctl accept`.
-
-    `verdict` is the overall verdict, PASS only if every test with a limit passes. A test has `measured` (value,
-    expanded uncertainty at 95.45 %, unit), `limit` and its own `verdict`: PASS, FAIL, INCONCLUSIVE, or None without a
-    limit. `files` are the paths of `report`, `pdf`, `junit` and `json`, if they were written.
-    """
-
-    verdict: Verdict
-    tests: tuple[Judged, ...] = field(repr=False)
-    acceptance: Acceptance = field(repr=False)
-    says: str = field(repr=False)
-    files: Mapping[str, Path] = field(default_factory=dict)
-
-    def __str__(self) -> str:
-        return self.says
+    paths = _paths_of(recordings, "diagnosed")
+    found = diagnosing.diagnose(paths, model=_path_or_none(model), part=part, seed=seed, progress=progress)
+    return found if out is None else found.write(Path(out))
 
 
 def accept(
@@ -402,16 +404,51 @@ def accept(
     >>> [test.verdict for test in accepted.tests if test.measured.name == "scale_factor"]
     ['PASS']
     """
-    limits_read = read_limits(Path(limits))
-    paths = paths_of(recording, "accepted")
     if language not in ("en", "ru"):
         raise UsageError(f"language {language!r}: expected en or ru")
-    found = accept_recording(paths[0], limits_read)
-    written = {} if out is None else found.write(Path(out), language)
-    return Accepted(
-        verdict=found.acceptance.verdict,
-        tests=found.acceptance.judged,
-        acceptance=found.acceptance,
-        says=found.lines(language),
-        files=written,
+    found = accepting.accept(_path_of(recording), Path(limits), language=language)
+    return found if out is None else found.write(Path(out))
+
+
+def allan(
+    source: Source,
+    *,
+    channel: str | None = None,
+    rate_hz: float | None = None,
+    step: str | None = None,
+    scale_v_per_dps: float | None = None,
+    out: str | PathLike[str] | None = None,
+) -> AllanResult:
+    """Compute the Allan deviation and the noise terms of a channel of a recording, or of a column of a text file.
+
+    Parameters
+    ----------
+    source
+        A recording, or the path of a text file with commas.
+    channel
+        The channel or column; of a recording by default the gyro's.
+    rate_hz
+        The sample rate of a text file without a time column.
+    step
+        The step, by name or number; by default the longest static one.
+    scale_v_per_dps
+        The scale factor by which the output of the gyro, in V, is a rate.
+    out
+        A folder for `allan.html` and `allan.csv`; without it, nothing is written.
+
+    Raises
+    ------
+    UsageError
+        If the source cannot be read or has no such channel or step, a number cannot be, or nothing can be written.
+
+    Examples
+    --------
+    >>> from benchctl import api
+    >>> found = api.allan("sweep", step="2", scale_v_per_dps=0.05, out="noise")
+    >>> found.analysis.series.unit, sorted(found.files)
+    ('deg/s', ['report', 'table'])
+    """
+    found = analysing.allan(
+        _path_of(source), channel=channel, rate_hz=rate_hz, step=step, scale_v_per_dps=scale_v_per_dps
     )
+    return found if out is None else found.write(Path(out))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from benchctl.limits import cut
 from benchctl.metrology.acceptance import accepted
-from benchctl.metrology.limit_file import Limits
-from benchctl.metrology.result import Acceptance
+from benchctl.metrology.limit_file import Limits, read_limits
+from benchctl.metrology.result import Acceptance, Judged, Verdict
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.verify import opened_unchanged
 from benchctl.reports.acceptance.build import tally
@@ -22,45 +22,67 @@ from benchctl.reports.acceptance.write import values, write_acceptance
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accepted:
-    """An acceptance and the facts of its recording."""
+    """An acceptance and the facts of its recording; `print` shows the text of `benchctl accept`.
 
-    acceptance: Acceptance
-    facts: RecordingFacts
+    `language` is that of text and report. `files` are the paths of `report`, `pdf`, `junit` and `json`, if they were
+    written.
+    """
+
+    acceptance: Acceptance = field(repr=False)
+    facts: RecordingFacts = field(repr=False)
+    language: str = "en"
+    files: Mapping[str, Path] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> Verdict:
+        """The overall verdict: PASS only if every test with a limit passes."""
+        return self.acceptance.verdict
+
+    @property
+    def tests(self) -> tuple[Judged, ...]:
+        """The tests: `measured` (value, expanded uncertainty at 95.45 %, unit), `limit`, and each one's `verdict`.
+
+        The latter is PASS, FAIL, INCONCLUSIVE, or None without a limit.
+        """
+        return self.acceptance.judged
+
+    def __str__(self) -> str:
+        return lines(self.acceptance, self.language)
 
     def values(self) -> dict[str, Any]:
         """Return the data for `--json`."""
         return values(self.acceptance, self.facts)
 
-    def lines(self, language: str) -> str:
-        """Return the text for a terminal."""
-        return lines(self.acceptance, language)
+    def write(self, folder: Path) -> Accepted:
+        """Write the report into a folder and its manifest, and return the acceptance with the paths.
 
-    def write(self, folder: Path, language: str) -> Mapping[str, Path]:
-        """Write the report and add it to the manifest of a campaign's folder; raises as `write_acceptance` does."""
-        written = write_acceptance(self.acceptance, self.facts, folder, language)
-        add_to_manifest(folder, written.values())
-        return written
+        Raises as `write_acceptance` does.
+        """
+        files = write_acceptance(self.acceptance, self.facts, folder, self.language)
+        add_to_manifest(folder, files.values())
+        return replace(self, files=files)
 
     @property
     def fails(self) -> str:
         """The reason why the verdict is not PASS, in a few words; empty for PASS."""
-        open_ones = [one.measured.name for one in self.acceptance.judged if one.verdict == "INCONCLUSIVE"]
-        failed = [one.measured.name for one in self.acceptance.judged if one.verdict == "FAIL"]
+        open_ones = [one.measured.name for one in self.tests if one.verdict == "INCONCLUSIVE"]
+        failed = [one.measured.name for one in self.tests if one.verdict == "FAIL"]
         if failed:
             return f"fails {', '.join(failed)}"
         return f"inconclusive: {', '.join(open_ones)}" if open_ones else ""
 
 
-def accept_recording(path: Path, limits: Limits) -> Accepted:
-    """Measure and judge a recording.
+def accept(path: Path, limits: Limits | Path, *, language: str = "en") -> Accepted:
+    """Measure and judge a recording by limits, or by a file of them.
 
     Raises
     ------
     UsageError
-        If it cannot be read, was changed, or contains no reading at all.
+        If it cannot be read, was changed, or contains no reading at all, or if the limits cannot be used.
     """
+    read = limits if isinstance(limits, Limits) else read_limits(limits)
     with opened_unchanged([path], "accepted") as (recording,):
-        found = Accepted(acceptance=accepted(recording, limits), facts=facts_of(recording))
+        found = Accepted(acceptance=accepted(recording, read), facts=facts_of(recording), language=language)
     return found
 
 

@@ -14,6 +14,7 @@ from benchctl.diagnosis.gyro.limits import not_all_rows
 from benchctl.diagnosis.gyro.predicted import predict
 from benchctl.limits import require_memory
 from benchctl.model_file import read_model
+from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl.reports import diagnosis_words as words
@@ -145,8 +146,9 @@ def table(compared: Compared) -> str:
 
 
 def write_compared(compared: Compared, folder: Path) -> Path:
-    """Write the report atomically; raises `UsageError` if the folder is not writable."""
+    """Write the report into a folder and its manifest; raises `UsageError` if the folder is not writable."""
     make_folder(folder)
+    path = folder / REPORT
     page = comparison_page(
         compared.parting,
         compared.recording,
@@ -156,5 +158,6 @@ def write_compared(compared: Compared, folder: Path) -> Path:
         unit=compared.unit,
         remarks=compared.remarks,
     )
-    write_page(folder / REPORT, page)
-    return folder / REPORT
+    write_page(path, page)
+    add_to_manifest(folder, [path])
+    return path

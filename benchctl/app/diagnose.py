@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,13 @@ import numpy as np
 
 from benchctl import diagnosis
 from benchctl.atomic import whole_file
-from benchctl.diagnosis.result import COORDINATE_UNITS, Diagnosis, Part, Slice
+from benchctl.diagnosis.result import COORDINATE_UNITS, Diagnosis, Finding, Part, Slice, Verdict
 from benchctl.model_file import Model, read_model, write_model
 from benchctl.part_models import EFFECTS
+from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.recordings.reader import join, open_recording
+from benchctl.recordings.verify import refuse_changed
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports.diagnosis_words import estimate
 from benchctl.reports.results import make_folder, name_of, source_digest
@@ -29,16 +31,54 @@ REPORT, SUMMARY, MODEL = "diagnosis.html", "diagnosis.json", "model.toml"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosed:
-    """A diagnosis with the metadata of the recordings for its report; `unit` is that of the diagnosed quantity."""
+    """A diagnosis; `print` shows its text.
 
-    diagnosis: Diagnosis
-    meta: Meta
-    infos: tuple[StepInfo, ...]
+    `diagnosis` is the complete result; its `as_json()` is the output of `benchctl diagnose --json`. The metadata of the
+    recordings are for its report; `unit` is that of the diagnosed quantity. `files` are the paths of `report`,
+    `summary` and `model`, if they were written.
+    """
+
+    diagnosis: Diagnosis = field(repr=False)
+    meta: Meta = field(repr=False)
+    infos: tuple[StepInfo, ...] = field(repr=False)
     digest: str
     unit: str
+    files: Mapping[str, Path] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> Verdict:
+        """`consistent`, `recalibrate`, `missing-physics` or `unknown-structure`."""
+        return self.diagnosis.verdict
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The effects found, each with its parameters, their 95 % intervals, its coordinate and the alternatives."""
+        return self.diagnosis.findings
+
+    def __str__(self) -> str:
+        return "\n".join([self.diagnosis.says, *(finding.says for finding in self.findings)])
+
+    def write(self, folder: Path) -> Diagnosed:
+        """Write report, summary and model file into a folder and its manifest, each atomically.
+
+        Returns the diagnosis with their paths. Raises `UsageError` if the folder is not writable.
+        """
+        from benchctl.reports.diagnosis_page import write_diagnosis_report  # matplotlib is slow to load
+
+        make_folder(folder)
+        files = {"report": folder / REPORT, "summary": folder / SUMMARY}
+        write_diagnosis_report(
+            files["report"], self.diagnosis, self.meta, self.infos, digest=self.digest, unit=self.unit
+        )
+        write_diagnosis_file(files["summary"], self.diagnosis, self.digest)
+        if self.diagnosis.model:
+            files["model"] = folder / MODEL
+            write_model(files["model"], _as_model(self.diagnosis.model))
+        add_to_manifest(folder, files.values())
+        return replace(self, files=files)
 
 
-def diagnose_recordings(
+def diagnose(
     paths: Sequence[Path],
     *,
     model: Path | None = None,
@@ -48,8 +88,11 @@ def diagnose_recordings(
 ) -> Diagnosed:
     """Diagnose one recording, or several of one unit jointly, with the model of the first one or of a file.
 
-    Raises `UsageError` if a recording cannot be read or diagnosed, or if the recordings are of different units.
+    `progress` is called with the current trial and the completed fraction of the work, 0 to 1. Raises `UsageError` if a
+    recording was changed or cannot be read or diagnosed, or if the recordings are of different units.
     """
+    for path in paths:
+        refuse_changed(path, "diagnosed")
     with ExitStack() as stack:
         recordings = [stack.enter_context(open_recording(path)) for path in paths]
         joined = join(recordings)
@@ -63,31 +106,6 @@ def diagnose_recordings(
             digest=", ".join(source_digest(recording) for recording in recordings),
             unit=words.unit(found.fit.unit),
         )
-
-
-def write_diagnosed(diagnosed: Diagnosed, folder: Path) -> dict[str, Path]:
-    """Write report, summary and model file, each atomically; return their paths by kind.
-
-    Raises `UsageError` if the folder is not writable.
-    """
-    from benchctl.reports.diagnosis_page import write_diagnosis_report  # matplotlib is slow to load
-
-    make_folder(folder)
-    written = {"report": folder / REPORT}
-    write_diagnosis_report(
-        written["report"],
-        diagnosed.diagnosis,
-        diagnosed.meta,
-        diagnosed.infos,
-        digest=diagnosed.digest,
-        unit=diagnosed.unit,
-    )
-    written["summary"] = folder / SUMMARY
-    write_diagnosis_file(written["summary"], diagnosed.diagnosis, diagnosed.digest)
-    if diagnosed.diagnosis.model:
-        written["model"] = folder / MODEL
-        write_model(written["model"], _as_model(diagnosed.diagnosis.model))
-    return written
 
 
 def _believed(path: Path, part: Part) -> tuple[Mapping[str, Any], tuple[str, ...]]:

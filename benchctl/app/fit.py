@@ -1,9 +1,9 @@
-"""Calibrate on recordings, and write `coefficients.json` and `report.html` next to them."""
+"""Calibrate on recordings, and write `coefficients.json` and `report.html`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from benchctl.calibration.discovered import Discovered, discovered_of
 from benchctl.calibration.result import CalibrationOptions, CalibrationResult
 from benchctl.calibration.static_points_fit import StaticPointsResult, fit_static_points
 from benchctl.model_file import read_model
+from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.reader import Recording, join
 from benchctl.recordings.static_points import KIND, StaticPoints
 from benchctl.recordings.verify import opened_unchanged
@@ -26,43 +27,74 @@ from benchctl_instruments.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenFit:
-    """The results of a fit: `values` is the data for `--json`, `says` the text for the terminal."""
+class FitResult:
+    """A calibration; `print` shows the text of `benchctl fit`.
 
-    values: Mapping[str, Any]
-    says: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Calibrated:
-    """A calibration whose files are not yet written.
-
-    `content` is that of `coefficients.json`, `values` the data for `--json` without the paths, `says` the terminal
-    text.
+    Attributes
+    ----------
+    coefficients
+        The content of `coefficients.json`: stages, joint fit, covariances, valid ranges,
+        expanded uncertainties (95.45 %).
+    values
+        The data of `benchctl fit --json` without the paths.
+    files
+        The paths of `coefficients` and `report`, if they were written.
     """
 
-    content: Mapping[str, Any]
-    values: Mapping[str, Any]
-    says: str
-    write_report: Callable[[Path], None]
+    coefficients: Mapping[str, Any]
+    values: Mapping[str, Any] = field(repr=False)
+    says: str = field(repr=False)
+    write_report: Callable[[Path], None] = field(repr=False)
+    files: Mapping[str, Path] = field(default_factory=dict)
 
-    def write(self, folder: Path) -> WrittenFit:
-        """Write `coefficients.json` and `report.html`; raises `UsageError` if they cannot be written."""
+    def __str__(self) -> str:
+        return self.says
+
+    @property
+    def error_percent(self) -> Mapping[str, float]:
+        """The largest residual rate divided by the largest rate, in percent, on held-out runs, by level.
+
+        The levels are `raw`, `stage_1`, `stage_2` and `joint`, as far as the recording allows.
+        """
+        return dict(self.values["error_percent"])
+
+    @property
+    def rms_percent(self) -> Mapping[str, float]:
+        """The same for the rms of the residual rate."""
+        return dict(self.values.get("rms_percent", {}))
+
+    @property
+    def K0_v_per_dps(self) -> float:  # noqa: N802 - the field's own letters
+        """Scale factor of the last stage."""
+        return float(self.values["K0_v_per_dps"])
+
+    @property
+    def U0_v(self) -> float:  # noqa: N802
+        """Offset of the last stage."""
+        return float(self.values["U0_v"])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Messages on quantities that the recording could not determine."""
+        return tuple(self.values.get("warnings", ()))
+
+    def write(self, folder: Path) -> FitResult:
+        """Write both files into a folder and its manifest, and return the result with their paths.
+
+        Raises `UsageError` if they cannot be written.
+        """
         make_folder(folder)
-        where, report = folder / "coefficients.json", folder / "report.html"
-        write_coefficients(where, self.content)
-        self.write_report(report)
-        return WrittenFit(
-            values={"coefficients": where, "report": report, **self.values},
-            says="\n".join([self.says, f"coefficients: {where}", f"report: {report}"]),
-        )
+        files = {"coefficients": folder / "coefficients.json", "report": folder / "report.html"}
+        write_coefficients(files["coefficients"], self.coefficients)
+        self.write_report(files["report"])
+        add_to_manifest(folder, files.values())
+        return replace(self, files=files)
 
 
-def fit_recordings(paths: Sequence[Path], out: Path | None = None, model: Path | None = None) -> WrittenFit:
-    """Calibrate on one recording, or on several of one unit, and write `coefficients.json` and `report.html`.
+def fit(paths: Sequence[Path], *, out: Path | None = None, model: Path | None = None) -> FitResult:
+    """Calibrate on one recording, or on several of one unit, and write the files to `out`, if given.
 
-    They are written to `out`, by default next to the first recording, or into its folder if it is one. Unnamed
-    structures in a `model` file are subtracted from the output first, and become part of the coefficients.
+    Unnamed structures in a `model` file are subtracted from the output first, and become part of the coefficients.
 
     Raises
     ------
@@ -73,19 +105,10 @@ def fit_recordings(paths: Sequence[Path], out: Path | None = None, model: Path |
     discovered = _taken_off(model)
     with opened_unchanged(paths, "fitted") as recordings:
         joined = join(recordings)
-        folder = out if out is not None else _beside(paths[0])
-        if not may_be_made(folder):
-            make_folder(folder)  # raises the error before any work
-        found = _calibrated(joined, recordings, discovered)
-    return found.write(folder)
-
-
-def calibrated(paths: Sequence[Path], model: Path | None = None) -> Calibrated:
-    """Calibrate as `fit_recordings` does, without writing files."""
-    discovered = _taken_off(model)
-    with opened_unchanged(paths, "fitted") as recordings:
-        found = _calibrated(join(recordings), recordings, discovered)
-    return found
+        if out is not None and not may_be_made(out):
+            make_folder(out)  # raises the error before any work
+        found = _fitted(joined, recordings, discovered)
+    return found if out is None else found.write(out)
 
 
 def _taken_off(model: Path | None) -> Discovered:
@@ -98,7 +121,7 @@ def _taken_off(model: Path | None) -> Discovered:
         raise UsageError(f"model {model}: {err}") from err
 
 
-def _calibrated(joined: Recording, recordings: Sequence[Recording], beside: Discovered) -> Calibrated:
+def _fitted(joined: Recording, recordings: Sequence[Recording], beside: Discovered) -> FitResult:
     if any(info.kind == KIND for recording in recordings for info in recording.infos):
         if beside:
             raise UsageError("--model: from a table of static points nothing is taken off; fit it without")
@@ -106,7 +129,7 @@ def _calibrated(joined: Recording, recordings: Sequence[Recording], beside: Disc
     return _fit_runs(joined, recordings, beside)
 
 
-def _fit_runs(joined: Recording, recordings: Sequence[Recording], beside: Discovered) -> Calibrated:
+def _fit_runs(joined: Recording, recordings: Sequence[Recording], beside: Discovered) -> FitResult:
     result = calibrate(joined.stored_steps(), joined.meta, CalibrationOptions(discovered=beside))
     meta, infos = joined.meta, joined.infos
     digest = ", ".join(source_digest(recording) for recording in recordings)
@@ -127,15 +150,15 @@ def _fit_runs(joined: Recording, recordings: Sequence[Recording], beside: Discov
         "warnings": list(result.warnings),
         **({"discovered": content["discovered"]} if "discovered" in content else {}),
     }
-    return Calibrated(
-        content=content,
+    return FitResult(
+        coefficients=content,
         values=values,
         says=_in_words(result),
         write_report=lambda path: write_calibration_report(path, result, meta, infos, digest=digest),
     )
 
 
-def _fit_points(recordings: Sequence[Recording]) -> Calibrated:
+def _fit_points(recordings: Sequence[Recording]) -> FitResult:
     if len(recordings) > 1:
         raise UsageError("a table of static points is fitted by itself; name one recording")
     recording = recordings[0]
@@ -154,8 +177,8 @@ def _fit_points(recordings: Sequence[Recording]) -> Calibrated:
         "misfit_percent_of_full_scale": content["misfit_percent_of_full_scale"],
         "points_at_rest": {"offset_dps": result.rest_offset_dps, "count": result.rest_points},
     }
-    return Calibrated(
-        content=content,
+    return FitResult(
+        coefficients=content,
         values=values,
         says=_points_in_words(result),
         write_report=lambda path: write_static_points_report(path, result, points, meta, digest=digest),
@@ -173,10 +196,6 @@ def _with_stated(content: dict[str, Any]) -> dict[str, Any]:
             parameter["value"], parameter["expanded"], text.unit_text(parameter.get("unit", ""))
         )
     return content
-
-
-def _beside(path: Path) -> Path:
-    return path if path.is_dir() else path.parent
 
 
 def _in_words(result: CalibrationResult) -> str:

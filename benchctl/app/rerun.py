@@ -168,7 +168,7 @@ class Rerun:
         """The unit's verdicts in the first and the second run; None if it was not judged."""
         if self.accepted is None:
             return None
-        return overall(self.first.judged), self.accepted.acceptance.verdict
+        return overall(self.first.judged), self.accepted.verdict
 
     def values(self) -> dict[str, Any]:
         """Return the data of `again` in `--json` and of `rerun.json`."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from benchctl.campaign.check import as_event, expiring, refuse_problems
 from benchctl.campaign.differences import refuse_other_instruments
@@ -75,6 +75,23 @@ class Outcome:
     wall_time_s: float
     safe: SafeState
     error: BenchError | None
+
+    def raise_error(self) -> None:
+        """Raise what ended the campaign early, if anything did; a note names the recording."""
+        if self.error is not None:
+            self.error.add_note(f"the recording of what was done: {self.recording}")
+            raise self.error
+
+    def values(self) -> dict[str, Any]:
+        """Return the data of a campaign in `--json`, the same for every verb."""
+        return {
+            "recording": self.recording,
+            "status": self.status,
+            "steps": {"planned": self.planned, "whole": self.whole},
+            "samples": self.samples,
+            "bench_time_s": self.bench_time_s,
+            "wall_time_s": self.wall_time_s,
+        }
 
 
 def run_campaign(

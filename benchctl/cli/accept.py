@@ -27,20 +27,18 @@ def accept(
 
     Example: `benchctl accept results/20261120-180000_acceptance_SIM-0001 --limits lab/limits.toml`
     """
-    from benchctl.app.accept import accept_recording
+    from benchctl.app import accept as app
     from benchctl.cli.output import report_folder
-    from benchctl.metrology.limit_file import read_limits
 
     with result_of("accept", json_to, quiet) as result:
-        limits_read = read_limits(limits)
         folder = report_folder(recording, out, json_to, quiet=False, kind="acceptance")  # QA always needs the report
-        found = accept_recording(recording, limits_read)
+        found = app.accept(recording, limits, language=lang)
         result.values |= found.values()
-        result.say(found.lines(lang))
+        result.say(str(found))
         if folder is not None:
-            written = found.write(folder, lang)
-            result.values |= written
-            result.say("\n".join(f"{kind}: {path}" for kind, path in written.items()))
+            files = found.write(folder).files
+            result.values |= files
+            result.say_files(files)
         if found.fails:
             result.ok, result.error = False, found.fails
             raise typer.Exit(1)

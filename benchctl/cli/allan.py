@@ -10,8 +10,6 @@ import typer
 from benchctl.cli.candidates import recordings
 from benchctl.cli.output import JsonOption, QuietOption, out_option, quantity_in, result_of
 
-_TEXTS = (".csv", ".txt", ".dat", ".gz")
-
 
 def allan(
     source: Annotated[
@@ -55,41 +53,15 @@ def allan(
 
     Example: `benchctl allan recording.h5`, `benchctl allan rates.csv --channel rate_dps --rate-hz 100`
     """
-    import math
-
+    from benchctl.app import allan as app
     from benchctl.cli.output import report_folder
-    from benchctl.metrology.series import series_of_step, series_of_text
-    from benchctl.recordings.campaign_manifest import add_to_manifest
-    from benchctl.recordings.reader import open_recording
-    from benchctl.reports.results import name_of
-    from benchctl_instruments.errors import UsageError
 
     with result_of("allan", json_to, quiet) as result:
-        if rate_hz is not None and not 0.0 < rate_hz < math.inf:
-            raise UsageError(f"--rate-hz {rate_hz:g}: expected samples a second, a positive number")
-        if scale_v_per_dps is not None and not 0.0 < abs(scale_v_per_dps) < math.inf:
-            raise UsageError(f"--scale-v-per-dps {scale_v_per_dps:g}: expected volts for a degree a second, not 0")
         folder = report_folder(source, out, json_to, quiet, kind="allan")
-        if source.suffix.lower() in _TEXTS:
-            if step is not None or scale_v_per_dps is not None:
-                raise UsageError(
-                    "--step and --scale-v-per-dps are for recordings, a text file has neither; leave them out"
-                )
-            series = series_of_text(source, channel, rate_hz)
-        elif rate_hz is not None:
-            raise UsageError("--rate-hz is for text files, a recording knows when each sample was taken; leave it out")
-        else:
-            with open_recording(source) as recording:
-                series = series_of_step(recording, channel, step, scale_v_per_dps)
-        # Imported only now, so that unusable input is refused without delay.
-        from benchctl.metrology.allan import analysed
-        from benchctl.reports import allan_report
-
-        found = analysed(series)
-        result.values |= allan_report.values(found)
-        result.say(allan_report.lines(found))
+        found = app.allan(source, channel=channel, rate_hz=rate_hz, step=step, scale_v_per_dps=scale_v_per_dps)
+        result.values |= found.values()
+        result.say(str(found))
         if folder is not None:
-            report, table = allan_report.write_report(found, folder, name_of(source))
-            add_to_manifest(folder, [report, table])
-            result.values |= {"report": report, "table": table}
-            result.say(f"report: {report}")
+            files = found.write(folder).files
+            result.values |= files
+            result.say(f"report: {files['report']}")

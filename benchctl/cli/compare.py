@@ -39,7 +39,6 @@ def compare(
     """
     from benchctl.app import compare as app
     from benchctl.cli.output import report_folder
-    from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl_instruments.errors import UsageError
 
     with result_of("compare", json_to, quiet) as result:
@@ -54,5 +53,4 @@ def compare(
         result.say(app.table(compared))
         if folder is not None:
             result.values["report"] = app.write_compared(compared, folder)
-            add_to_manifest(folder, [result.values["report"]])
             result.say(f"report: {result.values['report']}")

@@ -12,7 +12,6 @@ from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, out
 from benchctl_instruments.errors import UsageError
 
 if TYPE_CHECKING:
-    from benchctl.app.diagnose import Diagnosed
     from benchctl.diagnosis.result import Diagnosis
 
 
@@ -69,11 +68,9 @@ def diagnose(
     Example: `benchctl diagnose results/20261120-180000_diagnostic_SIM-0001`,
     `benchctl diagnose recording.h5 --settle --dry-run`
     """
-    from benchctl.app.diagnose import diagnose_recordings, write_diagnosed
+    from benchctl.app import diagnose as app
     from benchctl.cli.output import report_folder
     from benchctl.cli.terminal import search_progress
-    from benchctl.recordings.campaign_manifest import add_to_manifest
-    from benchctl.recordings.verify import refuse_changed
     from benchctl.reports.diagnosis_tables import lines
     from benchctl_instruments.errors import UsageError
 
@@ -87,13 +84,11 @@ def diagnose(
         if dry_run and not settle:
             raise UsageError("--dry-run: without --settle nothing is run; leave it out, or say --settle, too")
         folder = report_folder(recordings[0], out, json_to, quiet)
-        for path in recordings:
-            refuse_changed(path, "diagnosed")
         settling = bench_of(recordings, bench) if settle else None
 
-        def search(paths: list[Path]) -> Diagnosed:
+        def search(paths: list[Path]) -> app.Diagnosed:
             with search_progress(quiet) as progress:
-                return diagnose_recordings(paths, model=model, part=part, seed=seed, progress=progress)
+                return app.diagnose(paths, model=model, part=part, seed=seed, progress=progress)
 
         found = search(recordings)
         if settling is not None and dry_run and found.diagnosis.next_experiment.procedure:
@@ -112,10 +107,7 @@ def diagnose(
         if effect_file is not None:
             result.say(write_effect(effect_file, found.diagnosis))
         if folder is not None:
-            written = write_diagnosed(found, folder)
-            add_to_manifest(folder, written.values())
-            for name, path in written.items():
-                result.say(f"{name}: {path}")
+            result.say_files(found.write(folder).files)
 
 
 def refuse_other_effect_files(path: Path) -> None:

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from benchctl.app.run import questions_asked
 from benchctl.atomic import free_bytes, require_empty
 from benchctl.bench import Bench, Limits
 from benchctl.campaign.check import bench_time_s, expiring, problems, refusal, room_problems
 from benchctl.campaign.hands import Answers, answer_line, hands_at_the_terminal, refuse_without_hands
 from benchctl.campaign.interlocks import words
-from benchctl.campaign.playing import questions_asked
 from benchctl.campaign.resume import Past, steps_to_play
 from benchctl.campaign.timing import disk_bytes, timeline
 from benchctl.cli.messages import duration, size

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from benchctl.cli.candidates import recordings
-from benchctl.cli.output import JsonOption, QuietOption, beside, refuse_existing, refuse_folder, result_of
+from benchctl.cli.output import JsonOption, QuietOption, beside, result_of
 
 
 class Format(StrEnum):
@@ -69,6 +69,7 @@ def export(
     Example: `benchctl export recording.h5 --to open -o for_the_other_lab`,
     `benchctl export coefficients.json --to c-header -o gyro_compensation.h`
     """
+    from benchctl.atomic import refuse_existing, refuse_folder
     from benchctl.recordings.campaign_manifest import add_to_manifest
 
     with result_of("export", json_to, quiet) as result:
@@ -94,9 +95,9 @@ def _export_recording(source: Path, to: Format, target: Path) -> None:
 
 
 def _export_compensation(source: Path, to: Format, target: Path) -> None:
+    from benchctl.app.compensate import own_compensation
     from benchctl.calibration.c_header import export_c_header
     from benchctl.calibration.compensating import export_json
-    from benchctl.reports.coefficient_tables import own_compensation
 
     write = export_c_header if to is Format.c_header else export_json
     write(own_compensation(source), target)

@@ -23,12 +23,11 @@ def fit(
     Example: `benchctl fit results/20261120-180000_two_stage_SIM-0001`,
     `benchctl fit recording.h5 --model diagnosis/model.toml`
     """
-    from benchctl.app.fit import fit_recordings
-    from benchctl.recordings.campaign_manifest import add_to_manifest
+    from benchctl.app import fit as app
 
     with result_of("fit", json_to, quiet) as result:
-        fitted = fit_recordings(recordings, out, model)
-        written = [fitted.values["coefficients"], fitted.values["report"]]
-        add_to_manifest(written[0].parent, written)
-        result.values |= fitted.values
+        folder = out or (recordings[0] if recordings[0].is_dir() else recordings[0].parent)
+        fitted = app.fit(recordings, out=folder, model=model)
+        result.values |= {**fitted.files, **fitted.values}
         result.say(fitted.says)
+        result.say_files(fitted.files)

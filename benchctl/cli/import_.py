@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, refuse_existing, result_of, toml_option
+from benchctl.cli.output import JsonOption, QuietOption, result_of, toml_option
 
 
 def further_help() -> str:
@@ -35,6 +35,7 @@ def import_(
 
     Example: `benchctl import from_the_other_lab -o theirs.h5`, `benchctl import log.csv --map map.toml -o theirs.h5`
     """
+    from benchctl.atomic import refuse_existing
     from benchctl.recordings.importing import import_recording
 
     with result_of("import", json_to, quiet) as result:

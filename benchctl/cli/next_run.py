@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchctl.campaign.playing import new_folder
-from benchctl.cli.campaigns import play
+from benchctl.app.run import new_folder, play
+from benchctl.cli.campaigns import at_terminal
 from benchctl.cli.dry_run import preview_run
 from benchctl.cli.output import Result
 from benchctl.plan import Plan
@@ -40,9 +40,9 @@ def bench_of(recordings: Sequence[Path], named: str | None) -> Bench:
 def run_next(following: NextExperiment, bench: Bench, *, quiet: bool) -> Path:
     """Run the experiment and return the path of its recording; raise the error that ended it early, if any."""
     plan = _plan(following)
-    outcome = play(plan, bench, new_folder(plan.procedure, bench.unit.serial), quiet=quiet, wires=False)
-    if outcome.error is not None:
-        raise outcome.error
+    folder = new_folder(plan.procedure, bench.unit.serial)
+    outcome = play(plan, bench, folder, watch=at_terminal(quiet), wires=False)
+    outcome.raise_error()
     return outcome.recording
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -88,6 +88,11 @@ class Result:
         if not self.quiet:
             tell(text)
 
+    def say_files(self, files: Mapping[str, Path]) -> None:
+        """Print the paths of written files, one line a kind."""
+        for kind, path in files.items():
+            self.say(f"{kind}: {path}")
+
 
 @contextmanager
 def result_of(verb: str, json_to: str | None, quiet: bool) -> Iterator[Result]:
@@ -148,12 +153,6 @@ def parameters(texts: list[str] | None) -> dict[str, str]:
     return found
 
 
-def refuse_existing(path: Path) -> None:
-    """Raise `UsageError` if a non-empty file would be replaced; recordings are never overwritten."""
-    if path.is_file() and path.stat().st_size > 0:
-        raise UsageError(f"-o {path}: is there already and is left as it is; name another file or remove it")
-
-
 def _write(verb: str, json_to: str, result: Result) -> None:
     from benchctl.documents import json_values
 
@@ -174,14 +173,6 @@ def beside(path: Path, ending: str) -> Path:
     """Return a path next to a file or folder: its name without the suffix, plus this ending."""
     named = path if path.name not in ("", "..") else path.resolve()
     return named.with_name(named.stem + ending)
-
-
-def refuse_folder(path: Path) -> None:
-    """Raise `UsageError` if the path of an output file is a folder."""
-    from benchctl_instruments.errors import UsageError
-
-    if path.is_dir():
-        raise UsageError(f"-o {path}: is a folder; name the file to write")
 
 
 def report_folder(

@@ -26,12 +26,12 @@ def paper(
     import tempfile
     from dataclasses import asdict
 
-    from benchctl.app.fit import fit_recordings
+    from benchctl.app.fit import fit
+    from benchctl.app.run import play
     from benchctl.bench import load_bench
     from benchctl.calibration.paper_audit import audit, implied_sine
-    from benchctl.cli.campaigns import play
+    from benchctl.cli.campaigns import at_terminal
     from benchctl.plan.find import find_procedure
-    from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.reader import open_recording
 
     with result_of("paper", json_to, quiet) as result, tempfile.TemporaryDirectory() as scratch:
@@ -40,9 +40,8 @@ def paper(
         physics = {**loaded.physics, "gyro": {"S_rad_per_dps": S_rad_per_dps}}
         loaded = loaded.model_copy(update={"physics": physics}).with_seed(seed)
         folder = out or Path(scratch) / "paper"
-        outcome = play(find_procedure("two_stage").expand(), loaded, folder, quiet=quiet, wires=False)
-        if outcome.error is not None:
-            raise outcome.error
+        outcome = play(find_procedure("two_stage").expand(), loaded, folder, watch=at_terminal(quiet), wires=False)
+        outcome.raise_error()
         with open_recording(outcome.recording) as recording:
             found = audit(recording.steps(), recording.meta)
         result.values |= {
@@ -52,10 +51,10 @@ def paper(
         }
         result.say(_table(found))
         if out is not None:
-            fitted = fit_recordings([outcome.recording], folder)
-            add_to_manifest(folder, [fitted.values["coefficients"], fitted.values["report"]])
-            result.values |= {"recording": outcome.recording, "report": fitted.values["report"]}
-            result.say(f"recording: {outcome.recording}\nreport: {fitted.values['report']}")
+            report = fit([outcome.recording], out=folder).files["report"]
+            files = {"recording": outcome.recording, "report": report}
+            result.values |= files
+            result.say_files(files)
 
 
 def _table(found: PaperAudit) -> str:

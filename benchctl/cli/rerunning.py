@@ -35,9 +35,9 @@ class Again:
         result.values["again"] = rerun.values()
         result.say(lines(rerun))
         if rerun.accepted is not None:
-            written = rerun.accepted.write(outcome.campaign, "en")
-            result.values |= {"verdict": rerun.accepted.acceptance.verdict, **written}
-            result.say("\n".join(f"{kind}: {path}" for kind, path in written.items()))
+            files = rerun.accepted.write(outcome.campaign).files
+            result.values |= {"verdict": rerun.accepted.verdict, **files}
+            result.say_files(files)
         result.values["rerun"] = rerun.write(outcome.campaign)
         result.say(f"rerun: {result.values['rerun']}")
         if rerun.accepted is not None and rerun.accepted.fails:

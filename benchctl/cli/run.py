@@ -84,22 +84,17 @@ def run(
     """
     from contextlib import nullcontext
 
-    from benchctl.bench import load_bench
+    from benchctl.app import run as app
     from benchctl.campaign.hands import read_answers
-    from benchctl.campaign.playing import new_folder
     from benchctl.campaign.resume import past_of
-    from benchctl.cli.campaigns import play, resumed, summary, told
+    from benchctl.cli.campaigns import ask_to_resume, at_terminal, summary
     from benchctl.plan.find import find_procedure
     from benchctl_instruments.errors import UsageError
 
     with result_of("run", json_to, quiet) as result:
         _refuse_contradictions(procedure, parameter, again, limits, out, resume)
         answered = None if answers is None else read_answers(answers)
-        loaded = None if bench is None else load_bench(bench)
-        if seed is not None and loaded is not None and not loaded.simulated:
-            raise UsageError(
-                f"--seed {seed}: only a bench with simulated = true has a seed, and {loaded.name} is none; leave it out"
-            )
+        loaded = None if bench is None else app.bench_of(bench, seed)
         rerun = None
         if again is not None:
             from benchctl.cli.rerunning import to_run_again
@@ -109,30 +104,30 @@ def run(
         elif procedure is None or loaded is None:
             raise UsageError("run needs a procedure (benchctl procedures lists them) and --bench, or --again FIRST")
         else:
-            plan, loaded = find_procedure(procedure).expand(parameters(parameter)), loaded.with_seed(seed)
-        folder = out or resume or new_folder(plan.procedure, loaded.unit.serial)
+            plan = find_procedure(procedure).expand(parameters(parameter))
+        folder, seeded = out or resume or app.new_folder(plan.procedure, loaded.unit.serial), seed is not None
         if dry_run:
             from benchctl.cli.dry_run import preview_run
 
-            with past_of(folder, plan, loaded, seeded=seed is not None) if resume else nullcontext() as past:
+            with past_of(folder, plan, loaded, seeded=seeded) if resume else nullcontext() as past:
                 preview_run(result, plan, past.bench if past else loaded, folder, answers=answered, past=past)
             return
-        if resume is not None:
-            outcome = resumed(plan, loaded, resume, seeded=seed is not None, yes=yes, quiet=quiet, answers=answered)
+        watch = at_terminal(quiet)
+        if resume is None:
+            outcome = app.play(plan, loaded, folder, watch=watch, answers=answered)
         else:
-            outcome = play(plan, loaded, folder, quiet=quiet, answers=answered)
-        result.values |= {"campaign": outcome.campaign, **told(outcome)}
+            ask = None if yes else ask_to_resume
+            outcome = app.resume(plan, loaded, folder, watch=watch, seeded=seeded, answers=answered, confirm=ask)
+        result.values |= {"campaign": outcome.campaign, **outcome.values()}
         result.say(summary(outcome))
-        if outcome.error is not None:
-            raise outcome.error
+        outcome.raise_error()
         if plan.calibrates:
-            from benchctl.app.fit import fit_recordings
-            from benchctl.recordings.campaign_manifest import add_to_manifest
+            from benchctl.app.fit import fit
 
-            fitted = fit_recordings([outcome.recording], outcome.campaign)
-            add_to_manifest(outcome.campaign, [fitted.values["coefficients"], fitted.values["report"]])
-            result.values |= {key: fitted.values[key] for key in ("coefficients", "error_percent")}
+            fitted = fit([outcome.recording], out=outcome.campaign)
+            result.values |= {"coefficients": fitted.files["coefficients"], "error_percent": fitted.error_percent}
             result.say(fitted.says)
+            result.say_files(fitted.files)
         if rerun is not None:
             rerun.tell(outcome, result)
 

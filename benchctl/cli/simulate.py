@@ -15,7 +15,6 @@ from benchctl.cli.output import (
     QuietOption,
     SeedOption,
     parameters,
-    refuse_existing,
     result_of,
     toml_option,
 )
@@ -38,32 +37,13 @@ def simulate(
 
     Example: `benchctl simulate rate_sweep -o sweep.h5 --seed 7`
     """
-    import shutil
-    import tempfile
-
-    from benchctl.bench import load_bench
-    from benchctl.cli.campaigns import play, told
-    from benchctl.model_file import read_model
+    from benchctl.app import run as app
+    from benchctl.cli.campaigns import at_terminal
     from benchctl.plan.find import find_procedure
-    from benchctl_instruments.errors import UsageError
 
     with result_of("simulate", json_to, quiet) as result:
-        loaded = load_bench(bench)
-        if not loaded.simulated:
-            raise UsageError(f"--bench {bench}: expected a bench with simulated = true; benchctl run takes real ones")
-        if model is not None:
-            loaded = loaded.obeying(read_model(model))
-        loaded = loaded.with_seed(seed)
+        loaded = app.bench_of(bench, None)
         plan = find_procedure(procedure).expand(parameters(parameter))
-        refuse_existing(output)
-        if output.is_dir():
-            raise UsageError(f"-o {output}: is a folder; name the file to write")
-        if not output.parent.is_dir():
-            raise UsageError(f"-o {output}: there is no folder {output.parent}; make it first")
-        with tempfile.TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
-            outcome = play(plan, loaded, Path(folder), quiet=quiet, wires=False)
-            if outcome.error is not None:
-                raise outcome.error
-            shutil.move(outcome.recording, output)
-        result.values |= {**told(outcome), "recording": output}
+        outcome = app.simulate(plan, loaded, output, watch=at_terminal(quiet), model=model, seed=seed)
+        result.values |= outcome.values()
         result.say(f"{output}: {outcome.whole} steps, {outcome.samples:,} samples in {outcome.wall_time_s:.1f} s")

@@ -16,7 +16,6 @@ from benchctl.fleet.job import SCHEMA, Job, JobOutcome, JobRecord, Options, earl
 from benchctl.fleet.located import Located, fetch, files_of
 from benchctl.recordings.model import Unit
 from benchctl.recordings.reader import open_recording
-from benchctl.recordings.verify import refuse_changed
 from benchctl.reports.fleet_stated import DOCUMENTS, FleetVerb, stated_in
 from benchctl_instruments.errors import BenchError, in_line, reason
 
@@ -118,36 +117,35 @@ def do_verb(verb: FleetVerb, recording: Located, path: Path, options: Options, f
 
 
 def _fit(recording: Located, path: Path, _: Options, folder: Path) -> None:
-    from benchctl.app.fit import calibrated
+    from benchctl.app.fit import fit
 
-    found = calibrated([path])
+    found = fit([path])
     if recording.remote:  # the scratch folder must not appear as its source
-        (source,) = found.content["source"]
-        found = replace(found, content={**found.content, "source": [{**source, "recording": recording.where}]})
+        (source,) = found.coefficients["source"]
+        stated = {**found.coefficients, "source": [{**source, "recording": recording.where}]}
+        found = replace(found, coefficients=stated)
     found.write(folder)
 
 
 def _diagnose(_: Located, path: Path, options: Options, folder: Path) -> None:
-    from benchctl.app.diagnose import diagnose_recordings, write_diagnosed
+    from benchctl.app.diagnose import diagnose
 
-    refuse_changed(path, "diagnosed")
     model = None
     if options.model is not None:
         name, text = options.model
         model = folder.with_name(name)
         model.write_text(text, encoding="utf-8")
-    found = diagnose_recordings([path], model=model, part=options.part, seed=options.seed)
-    write_diagnosed(found, folder)
+    diagnose([path], model=model, part=options.part, seed=options.seed).write(folder)
 
 
 def _accept(recording: Located, path: Path, options: Options, folder: Path) -> None:
-    from benchctl.app.accept import accept_recording
+    from benchctl.app.accept import accept
 
     assert options.limits is not None  # noqa: S101 - `benchctl.cli.fleet` requires them
-    found = accept_recording(path, options.limits)
+    found = accept(path, options.limits, language=options.language)
     if recording.remote:
         found = replace(found, facts=replace(found.facts, path=Path(recording.where)))
-    found.write(folder, options.language)
+    found.write(folder)
 
 
 _DOES: Mapping[FleetVerb, Callable[[Located, Path, Options, Path], None]] = {

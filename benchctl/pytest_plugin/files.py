@@ -17,13 +17,15 @@ from filelock import FileLock
 from pydantic import BaseModel, ConfigDict, Field
 
 from benchctl import api
-from benchctl.bench import SIMULATED, Bench, load_bench
+from benchctl.app.accept import accept
+from benchctl.app.run import bench_of, free_folder
+from benchctl.bench import SIMULATED, Bench
 from benchctl.campaign.stop import StoppedError
 from benchctl.metrology.limit_file import Limits, read_limits
 from benchctl.plan import Plan
 from benchctl.pytest_plugin.fixtures import ENDING
 from benchctl.reports.acceptance.catalogue import catalogue
-from benchctl.reports.acceptance.write import properties_of, verdict_says
+from benchctl.reports.acceptance.write import properties_of, reason_of
 from benchctl.toml_file import parse_toml, read_text
 from benchctl_instruments.errors import BenchError, UsageError
 
@@ -59,14 +61,10 @@ def read_bench_test(path: Path) -> BenchTest:
     place = path.parent
     try:
         procedure = str(place / content.procedure) if content.procedure.endswith(".py") else content.procedure
-        bench = load_bench(content.bench if content.bench == SIMULATED else str(place / content.bench))
-        if content.seed is not None and not bench.simulated:
-            raise UsageError(
-                f"seed = {content.seed}: only a bench with simulated = true has a seed; {content.bench} is none"
-            )
+        bench = content.bench if content.bench == SIMULATED else str(place / content.bench)
         return BenchTest(
+            bench=bench_of(bench, content.seed),
             plan=api.plan(procedure, **content.parameters),
-            bench=bench.with_seed(content.seed),
             limits=read_limits(place / content.limits) if content.limits else None,
         )
     except UsageError as err:
@@ -105,7 +103,7 @@ def judged(test: BenchTest, path: Path, shared: Path, out: Path | None) -> Judge
     with FileLock(shared / f"{name}.lock"):
         state = shared / f"{name}.json"
         if not state.exists():
-            folder = _free(out or shared / "campaigns", path.name.removesuffix(ENDING))
+            folder = free_folder(out or shared / "campaigns", path.name.removesuffix(ENDING))
             found = _run(test, folder, kept=out is not None)
             state.write_text(json.dumps(asdict(found)), encoding="utf-8")
         stored = json.loads(state.read_text(encoding="utf-8"))
@@ -126,29 +124,22 @@ def _run(test: BenchTest, folder: Path, *, kept: bool) -> Judged:
             return Judged(error=f"{outcome.status}: {outcome.error}", figures=figures, report="", tests={})
         if test.limits is None:
             return Judged(error="", figures=figures, report="", tests={})
-        accepted = api.accept(outcome, test.limits.path, out=folder if kept else None)
+        accepted = accept(outcome.recording, test.limits)
+        if kept:
+            accepted = accepted.write(folder)
     except BenchError as err:
         return Judged(error=str(err), figures={}, report="", tests={})
     words = catalogue("en")
     tests = {
         one.measured.name: Verdict(
             verdict=str(one.verdict),
-            reason=" ".join([verdict_says(one, words), words.said(one.remedy) if one.remedy else ""]).strip(),
-            properties={name: value for name, value in properties_of(one).items() if value},
+            reason=reason_of(one, words),
+            properties=properties_of(one),
         )
         for one in accepted.tests
         if one.limit is not None
     }
     return Judged(error="", figures=figures, report=str(accepted.files.get("report", "")), tests=tests)
-
-
-def _free(place: Path, name: str) -> Path:
-    """Return a folder of that name that does not exist yet."""
-    folder, number = place / name, 1
-    while folder.exists():
-        number += 1
-        folder = place / f"{name}_{number}"
-    return folder
 
 
 class BenchTestFile(pytest.File):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,25 +48,13 @@ class Runner:
         With `check`, a `BenchError` that ends it early is raised; otherwise the outcome contains it.
         """
         from benchctl import api
-        from benchctl.campaign.playing import seal
-        from benchctl.campaign.runner import run_campaign
+        from benchctl.app.run import free_folder, play_on
 
         plan = procedure if isinstance(procedure, api.Plan) else api.plan(procedure, **parameters)
-        folder, number = self._folder / plan.procedure, 1
-        while folder.exists():
-            number += 1
-            folder = self._folder / f"{plan.procedure}_{number}"
-        outcome = run_campaign(plan, self._from_now(), folder)
-        seal(outcome, pytest.fail)
-        if check and outcome.error is not None:
-            raise outcome.error
+        outcome = play_on(plan, self._opened, free_folder(self._folder, plan.procedure), warn=pytest.fail)
+        if check:
+            outcome.raise_error()
         return outcome
-
-    def _from_now(self) -> OpenBench:
-        """Return the bench with the start of its recording set to the present time."""
-        opened = self._opened
-        now_s = opened.clock.now()
-        return replace(opened, epoch_s=now_s, elapsed_s=opened.elapsed_s + opened.epoch_s - now_s)
 
 
 @dataclass(frozen=True, slots=True)

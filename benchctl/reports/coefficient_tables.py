@@ -1,4 +1,4 @@
-"""Tables of coefficients with uncertainties, of the budget and of the stages; and the coefficients of a recording."""
+"""Tables of coefficients with uncertainties, of the budget and of the stages."""
 
 from __future__ import annotations
 
@@ -6,17 +6,10 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-from benchctl.calibration.compensating import Compensation, read_compensation
 from benchctl.calibration.result import CalibrationResult, JointFit, PolynomialFactor, Stage
 from benchctl.calibration.uncertainty import coverage_factor
-from benchctl.recordings.import_open import OPEN_DESCRIPTION
-from benchctl.recordings.reader import open_recording
-from benchctl.recordings.schema import CAMPAIGN, RECORDING
 from benchctl.reports import text
-from benchctl.reports.results import source_digest
-from benchctl_instruments.errors import UsageError
 
 _SYMBOLS: Mapping[str, str] = {
     "K0_v_per_dps": "K0",
@@ -179,40 +172,3 @@ def _row(name: str, value: float, known: tuple[float, float] | None, unit: str, 
 
 def _power(base: str, exponent: int) -> str:
     return base if exponent == 1 else base + _SUPERSCRIPT[exponent]
-
-
-COEFFICIENTS = "coefficients.json"
-
-
-def own_compensation(source: Path) -> Compensation:
-    """Return the compensation in a coefficients file, or the one in a recording's folder.
-
-    Raises
-    ------
-    UsageError
-        If the coefficients are missing or unusable, or if they were not fitted on this recording: the same folder may
-        contain the results of another one.
-    """
-    if source.suffix.lower() == ".json":
-        return read_compensation(source)
-    folder = source if source.is_dir() else source.parent
-    digest = _digest(source)
-    path = folder / COEFFICIENTS
-    if not path.is_file():
-        raise UsageError(f"{source}: there is no {COEFFICIENTS} in {folder}; benchctl fit {source} writes it")
-    compensation = read_compensation(path)
-    fitted_on = {known for _, known in compensation.sources}
-    if digest is not None and digest not in fitted_on:
-        raise UsageError(
-            f"{path}: was not fitted on {source} as it is now; benchctl fit {source} writes it anew, or name the file "
-            "of coefficients itself"
-        )
-    return compensation
-
-
-def _digest(source: Path) -> str | None:
-    """Return the recording's digest; None for a folder of results that holds no recording."""
-    if source.is_dir() and not any((source / name).exists() for name in (RECORDING, CAMPAIGN, OPEN_DESCRIPTION)):
-        return None
-    with open_recording(source) as recording:
-        return source_digest(recording)

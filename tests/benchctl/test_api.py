@@ -32,13 +32,20 @@ def rest(at_c: float = 20.0, seconds: float = 5.0, repeats: int = 1, levels_c: t
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a sweep, limits, and a table of points."""
+    """A folder with a sweep, a campaign that was stopped, limits, and a table of points."""
     folder = tmp_path_factory.mktemp("api")
     api.run(api.plan("rate_sweep", **SWEEP), out=folder / "sweep", seed=7, wires=False)
+    short = api.plan("static", soak_s=60, duration_s=10)
+    api.run(short, out=folder / "stopped", progress=_stop, check=False)
     (folder / "lab").mkdir()
     shutil.copy("benchctl/metrology/limits.toml", folder / "lab" / "limits.toml")
     _tabulate(folder)
     return folder
+
+
+def _stop(moment: api.Moment) -> None:
+    if moment.doing == "recording":
+        os.kill(os.getpid(), signal.SIGINT)
 
 
 def _tabulate(folder: Path) -> None:
@@ -71,7 +78,7 @@ def test_every_example_of_the_api_runs_as_it_stands(example: doctest.DocTest) ->
 
 def test_every_function_has_an_example() -> None:
     exampled = {test.name.rpartition(".")[2] for test in EXAMPLES}
-    assert {"plan", "run", "fit", "diagnose", "accept"} <= exampled
+    assert {"plan", "run", "resume", "simulate", "fit", "apply", "diagnose", "accept", "allan"} <= exampled
 
 
 def test_parameters_are_python_s_own_or_numpy_s_and_are_what_a_command_line_would_make_of_them() -> None:
@@ -152,13 +159,8 @@ def _with_interlock(folder: Path) -> str:
 
 def test_ctrl_c_brings_a_run_to_its_end_and_is_heard_again_afterwards(tmp_path: Path) -> None:
     before = signal.getsignal(signal.SIGINT)
-
-    def stop(moment: api.Moment) -> None:
-        if moment.doing == "recording":
-            os.kill(os.getpid(), signal.SIGINT)
-
     with pytest.raises(api.BenchError, match=r"stopped by Ctrl-C") as caught:
-        api.run(api.plan(rest, seconds=500), out=tmp_path / "c", progress=stop, wires=False)
+        api.run(api.plan(rest, seconds=500), out=tmp_path / "c", progress=_stop, wires=False)
     assert signal.getsignal(signal.SIGINT) is before
     assert str(tmp_path / "c" / "recording.h5") in caught.value.__notes__[0]
     with api.open(tmp_path / "c") as recording:
@@ -221,9 +223,14 @@ def test_an_acceptance_writes_its_report_where_a_folder_is_named() -> None:
         (lambda: api.plan("two_stages"), "did you mean two_stage"),
         (lambda: api.run(rest, "nowhere.toml"), "nowhere.toml"),
         (lambda: api.run(rest, seed=-1), "seed = -1: expected 0 or more"),
+        (lambda: api.resume("nowhere", rest), "nowhere"),
+        (lambda: api.resume("stopped", rest), "procedure was static, is rest"),
+        (lambda: api.simulate(rest, "points.h5"), "points.h5: is there already"),
         (lambda: api.open("nowhere.h5"), "nowhere.h5"),
         (lambda: api.fit([]), "nothing was fitted: expected a recording"),
         (lambda: api.fit("sweep", out="lab/limits.toml"), "lab/limits.toml"),
+        (lambda: api.apply("sweep", "nowhere.json", "points.h5"), "points.h5: is there already"),
+        (lambda: api.allan("nowhere.h5"), "nowhere.h5"),
         (lambda: api.diagnose("sweep", model="nowhere.toml"), "nowhere.toml"),
         (lambda: api.accept("sweep", "nowhere.toml"), "nowhere.toml"),
         (lambda: api.accept("sweep", "lab/limits.toml", language="de"), "expected en or ru"),

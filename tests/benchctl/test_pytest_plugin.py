@@ -24,6 +24,7 @@ import tomli_w
 
 import benchctl.pytest_plugin.files
 import benchctl.pytest_plugin.fixtures
+from benchctl.pytest_plugin.files import judged, read_bench_test
 from benchctl.recordings.verify import verify
 
 LOADED = (pint, scipy, benchctl)
@@ -140,6 +141,13 @@ def test_workers_of_xdist_share_one_campaign(pytester: pytest.Pytester, lab: Pat
     result = pytester.runpytest_subprocess(*PLUGIN, "-p", "xdist", "-n", "2", "--benchctl-out=kept", timeout=60)
     assert result.parseoutcomes() == {"failed": 1, "inconclusive": 1, "passed": 2}
     assert [one.name for one in (pytester.path / "kept").iterdir()] == ["incoming"]
+
+
+def test_a_campaign_is_judged_by_the_limits_that_were_collected(lab: Path, tmp_path: Path) -> None:
+    path = lab / "incoming.bench-test.toml"
+    collected = read_bench_test(path)
+    (lab / "limits.toml").write_text(LIMITS.partition("[limits.bias]")[0], encoding="utf-8")
+    assert set(judged(collected, path, tmp_path / "shared", None).tests) == {"scale_factor", "bias", "bandwidth"}
 
 
 def test_a_campaign_that_ends_early_fails_and_none_of_its_limits_passes(pytester: pytest.Pytester, lab: Path) -> None:

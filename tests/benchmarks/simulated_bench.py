@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchctl import api
+from benchctl.app.run import Watch, play
 from benchctl.bench import load_bench
 from benchctl.campaign.opened import open_bench
-from benchctl.campaign.playing import play
 from tests.benchmarks.comparison import Comparison, alternating
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -144,7 +144,8 @@ def soaking(*, wires: bool) -> float:
     """Hours of bench time a second of wall time of a campaign that soaks, with all looks at the bench, and records."""
     plan = api.plan("static", soak_s=_SOAKED_S, duration_s=10.0)
     with tempfile.TemporaryDirectory() as folder:
-        outcome = play(plan, load_bench("simulated"), Path(folder) / "campaign", warn=_no_warning, wires=wires)
+        watch, campaign = Watch(warn=_no_warning), Path(folder) / "campaign"
+        outcome = play(plan, load_bench("simulated"), campaign, watch=watch, wires=wires)
     if outcome.status != "complete":
         raise RuntimeError(f"the soak ended early: {outcome.error}")
     return outcome.bench_time_s / 3600.0 / outcome.wall_time_s

@@ -70,17 +70,16 @@ def _case(suite: ET.Element, one: Judged, serial: str, words: Catalogue) -> None
         _set(ET.SubElement(case, "skipped"), message=_why(one, words))
     elif one.verdict in ("FAIL", "INCONCLUSIVE"):
         kind = "limit" if one.verdict == "FAIL" else "inconclusive"
-        message = verdict_says(one, words)
         failure = ET.SubElement(case, "failure")
-        _set(failure, type=kind, message=message)
-        failure.text = _clean(" ".join([message, *([words.said(one.remedy)] if one.remedy else [])]))
+        _set(failure, type=kind, message=_verdict_says(one, words))
+        failure.text = _clean(reason_of(one, words))
 
 
 def properties_of(one: Judged) -> dict[str, str]:
-    """Return a test's figures by name; missing ones are empty."""
+    """Return a test's figures by name, without those that are missing."""
     measured = one.measured
     expanded = measured.uncertainty.expanded if measured.uncertainty else None
-    return {
+    figures = {
         "value": "" if measured.value is None else repr(measured.value),
         "uncertainty": "" if expanded is None else repr(expanded),
         "limit_low": "" if one.limit is None or one.limit.low is None else repr(one.limit.low),
@@ -88,9 +87,15 @@ def properties_of(one: Judged) -> dict[str, str]:
         "unit": measured.unit,
         "bound": measured.bound,
     }
+    return {name: value for name, value in figures.items() if value}
 
 
-def verdict_says(one: Judged, words: Catalogue) -> str:
+def reason_of(one: Judged, words: Catalogue) -> str:
+    """Return the reason for a verdict, and what would make an inconclusive one conclusive."""
+    return " ".join([_verdict_says(one, words), *([words.said(one.remedy)] if one.remedy else [])])
+
+
+def _verdict_says(one: Judged, words: Catalogue) -> str:
     """Return the reason for a missing value of a test with a limit, or its value and the limits."""
     return _why(one, words) or f"{stated(one.measured, words)}, expected {limits(one.limit, words)}"
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchctl.app.fit import fit_recordings
+from benchctl.app.fit import fit
 from benchctl.calibration.calibrate import calibrate
 from benchctl.calibration.result import CalibrationResult
 from benchctl.calibration.thermistor import ThermalHistory
@@ -83,7 +83,7 @@ def test_without_its_history_the_same_campaign_gives_wrong_coefficients(short: P
 
 
 def test_coefficients_report_and_console_say_it(short: Path, tmp_path: Path) -> None:
-    found = fit_recordings([short], tmp_path)
+    found = fit([short], out=tmp_path)
     for told in (found.says, (tmp_path / "coefficients.json").read_text(), (tmp_path / "report.html").read_text()):
         assert "had not settled thermally" in told
         assert "thermal_lag_s" in told or "τ of the coil" in told

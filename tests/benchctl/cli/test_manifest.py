@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
+from benchctl.app.run import play
 from benchctl.bench import Interlock
 from benchctl.campaign.resume import past_of
 from benchctl.cli.app import run_verb
-from benchctl.cli.campaigns import play
+from benchctl.cli.campaigns import at_terminal
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.campaign.test_resume import BENCH, PLAN, begin, in_the_third_step
 
@@ -121,7 +122,7 @@ def test_a_campaign_that_was_resumed_has_a_new_manifest(tmp_path: Path, capsys: 
     begin(folder, in_the_third_step)
     assert not (folder / "manifest.json").exists()
     with past_of(folder, PLAN, BENCH) as past:
-        outcome = play(PLAN, past.bench, folder, quiet=True, wires=False, past=past)
+        outcome = play(PLAN, past.bench, folder, watch=at_terminal(quiet=True), wires=False, past=past)
     assert outcome.status == "complete"
     assert _named(folder) == ["journal.jsonl", "recording.h5"]
     assert _verified(folder, capsys)[0] == 0
@@ -129,7 +130,8 @@ def test_a_campaign_that_was_resumed_has_a_new_manifest(tmp_path: Path, capsys: 
 
 def test_a_run_that_ends_early_has_one_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     over = Interlock(quantity="rate_dps", above=50.0)
-    outcome = play(PLAN, BENCH.model_copy(update={"interlocks": (over,)}), tmp_path / "c", quiet=True, wires=False)
+    bench = BENCH.model_copy(update={"interlocks": (over,)})
+    outcome = play(PLAN, bench, tmp_path / "c", watch=at_terminal(quiet=True), wires=False)
     assert outcome.status == "aborted"
     assert _verified(tmp_path / "c", capsys)[0] == 0
 
@@ -140,7 +142,7 @@ def test_a_manifest_that_cannot_be_written_is_said_and_hides_nothing(
     def full(folder: Path) -> None:
         raise UsageError(f"{folder}: cannot be written: No space left on device")
 
-    monkeypatch.setattr("benchctl.campaign.playing.write_manifest", full)
-    outcome = play(PLAN, BENCH, tmp_path / "c", quiet=True, wires=False)
+    monkeypatch.setattr("benchctl.app.run.write_manifest", full)
+    outcome = play(PLAN, BENCH, tmp_path / "c", watch=at_terminal(quiet=True), wires=False)
     assert outcome.status == "complete"
     assert capsys.readouterr().err.startswith("benchctl: warning: the campaign has no manifest: ")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.app.fit import fit_recordings
+from benchctl.app.fit import fit
 from benchctl.campaign.stop import StopRequest
 from benchctl.fleet.cluster import Settings, connected, run_fleet
 from benchctl.fleet.job import Options
@@ -41,7 +41,7 @@ def test_a_fleet_does_what_is_missing_or_changed_and_one_bad_recording_does_not_
     (bad,) = first.ended("failed")
     assert bad.says.startswith(f"{tmp_path / 'bad.h5'}: is not an HDF5 file (12 bytes)")
     for number in range(3):  # to the last byte what the single verb writes
-        fit_recordings([tmp_path / f"u{number}.h5"], tmp_path / "single")
+        fit([tmp_path / f"u{number}.h5"], out=tmp_path / "single")
         for name in ("coefficients.json", "report.html"):
             assert (tmp_path / f"u{number}.fit" / name).read_bytes() == (tmp_path / "single" / name).read_bytes()
 

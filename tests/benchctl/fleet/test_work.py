@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import benchctl
-from benchctl.app.fit import fit_recordings
+from benchctl.app.fit import fit
 from benchctl.fleet.job import Job, JobOutcome, kept, record_name
 from benchctl.fleet.work import work
 from tests.benchctl.fleet.made import job_of, points
@@ -23,7 +23,7 @@ def test_the_results_are_those_of_the_single_verb_and_a_record_says_what_was_don
     path = points(tmp_path / "a.h5", 1)
     outcome = do(job_of(path))
     assert (outcome.state, outcome.reason) == ("done", "")
-    fit_recordings([path], tmp_path / "single")
+    fit([path], out=tmp_path / "single")
     for name in ("coefficients.json", "report.html"):
         assert (tmp_path / "a.fit" / name).read_bytes() == (tmp_path / "single" / name).read_bytes()
     record = json.loads((tmp_path / "a.fit" / record_name("fit")).read_text())
@@ -40,7 +40,7 @@ def test_what_is_fetched_is_fitted_alike_and_named_by_its_url(tmp_path: Path) ->
     outcome = do(job_of(f"file://{path}", out=tmp_path / "out"))
     assert (outcome.state, outcome.reason) == ("done", "")
     (folder,) = (tmp_path / "out").iterdir()
-    fit_recordings([path], tmp_path / "single")
+    fit([path], out=tmp_path / "single")
     theirs, ours = (json.loads((one / "coefficients.json").read_text()) for one in (tmp_path / "single", folder))
     assert ours.pop("source") == [{**theirs.pop("source")[0], "recording": f"file://{path}"}]
     assert ours == theirs

@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 import tomli_w
 
+from benchctl.app.run import play
 from benchctl.bench import load_bench, template
 from benchctl.campaign.opened import simulated_bench
-from benchctl.cli.campaigns import play
+from benchctl.cli.campaigns import at_terminal
 from benchctl.plan import Plan, ThermalRamp
 from benchctl_instruments.simulated.bench import SimulatedBench
 from benchctl_instruments.simulated.clock import ScaledClock
@@ -32,7 +33,7 @@ def test_a_chamber_that_is_silent_when_the_run_ends_is_sent_home_by_the_guard_on
         pulled = threading.Thread(target=_pull_the_plug_once_it_is_under_way, args=(servers,), daemon=True)
         pulled.start()
         plan = Plan(procedure="mine", parameters={}, steps=(RAMP,), calibrates=False)
-        outcome = play(plan, load_bench(str(path)), tmp_path / "c", quiet=True)
+        outcome = play(plan, load_bench(str(path)), tmp_path / "c", watch=at_terminal(quiet=True))
         pulled.join()
         journal = tmp_path / "c" / "journal.jsonl"
         assert outcome.status == "aborted"

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchctl.app.accept import accept_recording
-from benchctl.app.diagnose import Diagnosed, write_diagnosed
-from benchctl.app.fit import fit_recordings
+from benchctl.app.accept import accept
+from benchctl.app.diagnose import Diagnosed
+from benchctl.app.fit import fit
 from benchctl.dashboard.data import documents
 from benchctl.dashboard.data.documents import KINDS, Kind, document, is_there, report_of
 from benchctl.metrology.limit_file import limits_of_text
@@ -35,17 +35,17 @@ def stated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "points.csv").write_text("\n".join(["rate_dps,gyro_v_mean,gyro_v_std", *rows, ""]))
     path = folder / "points.h5"
     import_recording(folder / "points.csv", None, path)
-    fit_recordings([path])
+    fit([path], out=folder)
     with open_recording(path) as recording:
         digest, meta, infos = recording.digest, recording.meta, recording.infos
     diagnosed = Diagnosed(diagnosis=example.pair(), meta=meta, infos=infos, digest=digest, unit="V")
-    write_diagnosed(diagnosed, results_folder(path))
+    diagnosed.write(results_folder(path))
     at_rest = made.step(1, rows=3000, kind="static", rate_dps=None)
     still = Step(at_rest.info, {**at_rest.channels, "encoder_deg": np.full(3000, 90.0)})
     write_recording(folder / "rest.h5", made.meta(), [still])
     limits = limits_of_text(LIMITS, folder / "limits.toml")
-    accepted = accept_recording(folder / "rest.h5", limits)
-    accepted.write(results_folder(folder / "rest.h5", "acceptance"), "en")
+    accepted = accept(folder / "rest.h5", limits)
+    accepted.write(results_folder(folder / "rest.h5", "acceptance"))
     return folder
 
 
