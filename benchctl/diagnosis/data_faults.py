@@ -14,9 +14,9 @@ from benchctl.diagnosis.findings.located import where_of
 from benchctl.diagnosis.gyro.points import PointsProblem, without_overload
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.result import Finding, Where
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import Point, fit
 from benchctl.estimation.noise_model import NoiseModel
-from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.physics.effects.registry import effect
 
@@ -24,7 +24,7 @@ _HASTIEST = 0.05
 """Share of the rows that count as sudden because of their acceleration."""
 
 
-def without_data_faults(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
+def without_data_faults(problem: PartProblem) -> tuple[PartProblem, tuple[Fault, ...]]:
     """Return the problem without its spoilt rows, and the faults that spoilt them.
 
     A gyro's faults are found if its samples are compared one by one; otherwise only its rails are. In static points an
@@ -68,7 +68,7 @@ def without_data_faults(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
     return replace(problem, usable=usable), found
 
 
-def _behind_rails(problem: GyroProblem, rail: Fault | None, rows: IntArray) -> tuple[Problem, tuple[Fault, ...]]:
+def _behind_rails(problem: GyroProblem, rail: Fault | None, rows: IntArray) -> tuple[PartProblem, tuple[Fault, ...]]:
     """Return a problem of slow components with the rail found in its samples, which stays in every model.
 
     Each slow component is made of many samples; with vibration, some of them are at the rail nearly always.
@@ -85,7 +85,7 @@ def _hasty(acceleration_dps2: FloatArray) -> BoolArray:
     return np.asarray(size > np.quantile(size, 1.0 - _HASTIEST))
 
 
-def fault_findings(problem: Problem, faults: tuple[Fault, ...]) -> Iterator[Finding]:
+def fault_findings(problem: PartProblem, faults: tuple[Fault, ...]) -> Iterator[Finding]:
     """Yield the faults as findings."""
     for one in faults:
         spoilt = one.rows.astype(np.float32)
@@ -102,12 +102,10 @@ def fault_findings(problem: Problem, faults: tuple[Fault, ...]) -> Iterator[Find
         )
 
 
-def coarse_step_of(problem: Problem, faults: tuple[Fault, ...]) -> float:
+def coarse_step_of(problem: PartProblem, faults: tuple[Fault, ...]) -> float:
     """Return the step [unit] of a converter that has lost bits, or 0 if it has lost none."""
     bits = next((one.parameters["bits_lost"].value for one in faults if one.effect == "adc_coarse"), None)
-    if bits is None or not isinstance(problem, GyroProblem):
-        return 0.0
-    return float(problem.adc_step_v * 2.0**bits)
+    return 0.0 if bits is None else problem.circumstances["adc_step_v"] * 2.0**bits
 
 
 def _spoilt(problem: GyroProblem, found: tuple[Fault, ...]) -> BoolArray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchctl.diagnosis.data_faults import coarse_step_of, fault_findings, without_data_faults
@@ -28,17 +27,14 @@ from benchctl.diagnosis.search.scans import swinging_hz
 from benchctl.diagnosis.search.select import select, select_between, without_nothing
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.search.subsets import select_subset
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.diagnosis.structures.settled import names_do_better
 from benchctl.diagnosis.structures.stated import with_structures
 from benchctl.estimation.point import stands_at
-from benchctl.estimation.problem import Problem
 from benchctl.recordings.reader import Recording
-from benchctl_instruments.errors import UsageError
 
 _MOST_UNROUNDED = 2
 """Maximum number of times a coarse converter's steps are removed: each time the prediction is more accurate."""
-_FEWEST_ROWS = 100
-_CONSTANT = 1e-9  # relative peak-to-peak; a 24-bit converter resolves 6e-8
 
 
 def diagnose(
@@ -71,7 +67,7 @@ def _diagnosis(
     told: Callable[[str, float], None],
 ) -> Diagnosis:
     problem, faults = without_data_faults(problem_of(recording, part, model=model, without=without))
-    _require_rows(recording, problem)
+    problem.require_rows(recording)
     step_v = coarse_step_of(problem, faults)
     rounding_v2 = step_v**2 / 12.0
     stated = problem
@@ -136,7 +132,7 @@ def _diagnosis(
 
 
 def _attributed(
-    problem: Problem, searched: Selection, *, rounding_v2: float, spikes: bool, seed: int
+    problem: PartProblem, searched: Selection, *, rounding_v2: float, spikes: bool, seed: int
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """Return the selection after naming, the unexplained part with its model, and notes.
 
@@ -163,27 +159,7 @@ def _names(chosen: Selection) -> set[str]:
     return {effect.identifier for effect in chosen.after.point.effects}
 
 
-def _require_rows(recording: Recording, problem: Problem) -> None:
-    """Raise `UsageError` if too few rows of a gyro are usable, or if its output is constant."""
-    if not isinstance(problem, GyroProblem):
-        return  # drive, chamber and static points check their own minima
-    usable = np.count_nonzero(problem.usable)
-    output = problem.measured[problem.usable] if usable else problem.measured
-    if np.ptp(output) <= _CONSTANT * np.abs(output).max():
-        raise UsageError(
-            f"{recording.path}: gyro_v is {output[0]:.6g} in all {output.size} rows; check that the gyro is powered and"
-            " that the right channel was recorded"
-        )
-    if usable < _FEWEST_ROWS:
-        band = "" if problem.band is None else f", and motion faster than {problem.band.up_to_hz:.2g} Hz,"
-        raise UsageError(
-            f"{recording.path}: {usable} of {problem.usable.size} rows can be compared with a model, a diagnosis needs"
-            f" {_FEWEST_ROWS}: rows at a rail, held, near a gap or near an end{band} are left out; record longer"
-            " without gaps"
-        )
-
-
-def _at_bounds(problem: Problem, chosen: Selection) -> Iterator[str]:
+def _at_bounds(problem: PartProblem, chosen: Selection) -> Iterator[str]:
     """Yield sentences about baseline parameters that are at the bound of the plausible range."""
     units = dict(zip(problem.baseline_names, problem.baseline_units, strict=True))
     for number, value in zip(chosen.whole.numbers, chosen.whole.point.baseline.tolist(), strict=False):
@@ -195,7 +171,7 @@ def _at_bounds(problem: Problem, chosen: Selection) -> Iterator[str]:
             )
 
 
-def _model(problem: Problem, chosen: Selection) -> dict[str, Any]:
+def _model(problem: PartProblem, chosen: Selection) -> dict[str, Any]:
     """Return the content of the model file."""
     unnamed = () if chosen.noise_structure is None else (chosen.noise_structure,)
     effects = (*chosen.whole.point.effects, *noise_effects(chosen), *unnamed)

@@ -12,16 +12,16 @@ from dataclasses import replace
 import numpy as np
 
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import Fit, Point, fit, solve
 from benchctl.estimation.noise import Whitener
-from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import FloatArray
 
 BEYOND_CHANCE = 6.0
 """Required gain in twice the log likelihood of the less natural assumption: odds of twenty to one."""
 
 
-def other_answer(problem: Problem, chosen: Selection) -> Problem | None:
+def other_answer(problem: PartProblem, chosen: Selection) -> PartProblem | None:
     """Return the problem under the other assumption if that explains the recording better or with fewer effects.
 
     Otherwise return None. The new search starts from the chosen model.
@@ -42,7 +42,7 @@ def other_answer(problem: Problem, chosen: Selection) -> Problem | None:
     return None
 
 
-def plainly_better(problem: Problem, fitted: Fit, white: Whitener) -> Problem | None:
+def plainly_better(problem: PartProblem, fitted: Fit, white: Whitener) -> PartProblem | None:
     """Return the problem under the other assumption if that explains the recording better with the same model.
 
     Otherwise return None. All steps are used; the parameters are refitted by one step only, as the assumptions differ

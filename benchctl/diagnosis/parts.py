@@ -10,14 +10,14 @@ from benchctl.diagnosis.drive.problem import drive_problem
 from benchctl.diagnosis.gyro.points import has_points, points_problem
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.diagnosis.result import Part
-from benchctl.estimation.problem import Problem
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.errors import UsageError
 
 
 def problem_of(
     recording: Recording, part: Part, *, model: Mapping[str, Any] | None = None, without: Collection[str] = ()
-) -> Problem:
+) -> PartProblem:
     """Return the problem of a part of the bench for a recording and the lab's model.
 
     `model` is the table of a model file for the part: `[simulation]` for the gyro, `[parts.drive]`, `[parts.chamber]`.

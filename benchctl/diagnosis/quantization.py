@@ -17,8 +17,8 @@ from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.search.select import reduced
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import fit
-from benchctl.estimation.problem import Problem
 from benchctl_instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
@@ -26,7 +26,7 @@ _OF_THE_STEPS = 0.02
 """Maximum relative deviation of step/period from an integer for a wave to count as a product of the steps."""
 
 
-def unrounded(problem: Problem, chosen: Selection, step_v: float) -> Problem | None:
+def unrounded(problem: PartProblem, chosen: Selection, step_v: float) -> PartProblem | None:
     """Return the problem without the converter's mean rounding if that explains the recording better, else None.
 
     `step_v` is the detected step, 0 if none was detected. The new search starts from the chosen model; waves whose
@@ -42,7 +42,7 @@ def unrounded(problem: Problem, chosen: Selection, step_v: float) -> Problem | N
     return other if less > BEYOND_CHANCE * fitted.deviation**2 else None
 
 
-def without_the_steps_own(problem: Problem, chosen: Selection, step_v: float) -> Selection:
+def without_the_steps_own(problem: PartProblem, chosen: Selection, step_v: float) -> Selection:
     """Return the selection without waves whose period is an integer fraction of the converter's step.
 
     Such waves can remain even if the steps are ten times the noise or more.

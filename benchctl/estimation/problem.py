@@ -1,17 +1,14 @@
-"""The interface of a part of the bench for the engine: a measured quantity, and a model of it that effects can change.
+"""The interface of a part of the bench for fits and models of noise: a measured quantity, and a model that predicts it.
 
-The engine (noise, screening, joint fits, selection, residual analysis) works on any `Problem`; the gyro, the table's
-drive and the chamber each implement one.
+The gyro, the table's drive and the chamber each implement one; `benchctl.diagnosis.stepped` has what a diagnosis adds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Protocol, Self
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
-from benchctl.recordings.model import StepInfo
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
-from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 
 class Problem(Protocol):
@@ -22,11 +19,7 @@ class Problem(Protocol):
 
     @property
     def measured(self) -> FloatArray:
-        """The quantity to be predicted, in `unit`."""
-
-    @property
-    def unit(self) -> str:
-        """Unit of `measured`."""
+        """The quantity to be predicted."""
 
     @property
     def full_scale(self) -> float:
@@ -57,14 +50,6 @@ class Problem(Protocol):
         """Kinds of the steps."""
 
     @property
-    def steps(self) -> tuple[StepInfo, ...]:
-        """The steps with their beginnings and ends; a part may cut a recording's steps into pieces."""
-
-    @property
-    def recorded(self) -> IntArray:
-        """For each step, which of the joined recordings of one instrument it belongs to, shape (m,)."""
-
-    @property
     def usable(self) -> BoolArray:
         """Rows that may be fitted; the others are known to be bad."""
 
@@ -73,20 +58,12 @@ class Problem(Protocol):
         """Parameters of the lab's model, by the names of their format."""
 
     @property
-    def baseline_units(self) -> tuple[str, ...]:
-        """Units of these parameters."""
-
-    @property
     def baseline_start(self) -> FloatArray:
         """Values of these parameters in the lab's model, shape (p,)."""
 
     @property
     def baseline_bounds(self) -> Mapping[str, tuple[float, float]]:
         """Bounds of baseline parameters by physics and the bench; parameters that are not listed are free."""
-
-    @property
-    def believed(self) -> bool:
-        """Whether `baseline_start` is a lab's model; otherwise it was estimated from the recording itself."""
 
     @property
     def noises(self) -> frozenset[str]:
@@ -115,10 +92,6 @@ class Problem(Protocol):
         """Quantities that effects need in addition to their parameters."""
 
     @property
-    def effects(self) -> Mapping[str, type[DescribedEffect]]:
-        """The hypotheses, by identifier."""
-
-    @property
     def coordinates(self) -> Mapping[str, FloatArray]:
         """Coordinates in which a mismatch is searched for, by the words of `result.COORDINATES`."""
 
@@ -131,29 +104,3 @@ class Problem(Protocol):
     @property
     def spectral_step(self) -> IntArray:
         """The step of each of these residuals, shape (w,)."""
-
-    def starts(
-        self, baseline: FloatArray, effects: Sequence[DescribedEffect]
-    ) -> Iterable[tuple[FloatArray, DescribedEffect]]:
-        """Yield effects of moderate size to be added to a model, each with a baseline (p,) as start of a fit.
-
-        They are tried in addition to the starts from screening small effects.
-        """
-
-    def thinned(self) -> Self | None:
-        """Return the same with fewer rows, for a first search for what is missing; None if there are few enough."""
-
-    def forget(self) -> None:
-        """Release data that is kept only to speed up the next prediction."""
-
-    def otherwise(self) -> Self | None:
-        """Return the recording under the alternative assumption about what it does not state; None if there is none."""
-
-    def matters(self, name: str, change: float) -> float:
-        """Return the largest result of a change of a baseline parameter, as a share of full scale or scale factor."""
-
-    def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
-        """Return the tables of a model file for baseline parameters (p,) and effects; `noise` is that of a row."""
-
-    def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
-        """Return remarks of this part, given residuals before and after and the held-out rows, all of shape (n,)."""

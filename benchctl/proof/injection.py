@@ -26,11 +26,11 @@ from benchctl.diagnosis.gyro.stacked import stacked
 from benchctl.diagnosis.parts import problem_of
 from benchctl.diagnosis.result import Part
 from benchctl.diagnosis.search.probes import probes_of
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.closest import distance, nothing_known
 from benchctl.estimation.disturbance import disturbance_of
 from benchctl.estimation.noise import Whitener
 from benchctl.estimation.point import Point
-from benchctl.estimation.problem import Problem
 from benchctl.proof.draw import alike, rounded
 from benchctl.recordings.model import Step, axis_of
 from benchctl.recordings.reader import Recording
@@ -94,7 +94,7 @@ class Untouched:
         return tuple(stated_of(one) for one in self._said["findings"])
 
     @cached_property
-    def _problem(self) -> Problem:
+    def _problem(self) -> PartProblem:
         return problem_of(self._recording, self._part)
 
     @cached_property
@@ -152,7 +152,7 @@ class Untouched:
             yield Step(step.info, {**step.channels, name: _in_steps_of(step[name], step[name] + added)})
 
     @cached_property
-    def _in_every_row(self) -> Problem:
+    def _in_every_row(self) -> PartProblem:
         """The problem in the rows of the recording, regardless of which rows a diagnosis compares."""
         problem = self._problem
         if not isinstance(problem, GyroProblem):
@@ -173,7 +173,7 @@ class Untouched:
     def _made(self, name: str, values: Mapping[str, float]) -> DescribedEffect:
         return self._problem.effects[name].make(values, self._problem.circumstances)
 
-    def _change(self, problem: Problem, one: DescribedEffect) -> FloatArray:
+    def _change(self, problem: PartProblem, one: DescribedEffect) -> FloatArray:
         """Return the effect's change of the measured quantity, shape (n,); a converter's effects act on the samples."""
         if isinstance(problem, GyroProblem) and isinstance(one, PhysicalEffect) and _acts_on_samples(one):
             stack, signals = stacked(problem.frame)

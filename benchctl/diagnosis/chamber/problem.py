@@ -51,7 +51,7 @@ _START_K, _START_STEPS = 2.0, 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class ChamberProblem(MadeOfRows):
-    """A `benchctl.estimation.problem.Problem`: the air, simulated from the measured drive without feedback.
+    """A `PartProblem`: the air, simulated from the measured drive without feedback.
 
     Baseline for a power: `gain` [K per unit of power], `tau_s`, and `ambient_c` if the room was not measured; for a set
     point: `tau_s` and `offset_c`, by which the settled air exceeds the set point. With a single run, `start_c` is the

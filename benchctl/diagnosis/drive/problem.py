@@ -42,7 +42,7 @@ _SHORTEST_LAG, _LONGEST_LAG = 0.02, 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class DriveProblem(MadeOfRows):
-    """A `benchctl.estimation.problem.Problem`: τ = J·dω/dt + b·ω, row by row.
+    """A `PartProblem`: τ = J·dω/dt + b·ω, row by row.
 
     At rest the torque must be between those that would start a motion in either direction, as friction balances it.
     `believed` is true if the start values are a lab's model, false if they were estimated from the recording. `noise`
@@ -89,6 +89,11 @@ class DriveProblem(MadeOfRows):
     def measured(self) -> FloatArray:
         """The torque [N·m], shape (m,)."""
         return self.rows.torque_nm
+
+    @property
+    def clock_s(self) -> FloatArray:
+        """Time since the start of the recording that a row belongs to [s], shape (m,)."""
+        return self.rows.clock_s
 
     @property
     def interval_s(self) -> float:

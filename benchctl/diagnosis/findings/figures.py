@@ -10,16 +10,16 @@ from scipy.stats import chi2
 from benchctl.diagnosis.findings.located import left_of
 from benchctl.diagnosis.result import FitFigures
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.disturbance import disturbance_beside
 from benchctl.estimation.noise_model import between_rows
-from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _BLOCK_S, _FEWEST = 1.0, 20
 """Block length and minimum rows for the line fitted at rest; within it a drift of the bias is linear."""
 
 
-def figures_of(problem: Problem, chosen: Selection) -> FitFigures:
+def figures_of(problem: PartProblem, chosen: Selection) -> FitFigures:
     """Return the rms of residuals over rows that count: with refitted parameters only, and with the findings.
 
     If the noise wanders, a row is predicted from the rows before it. The noise never exceeds the residual.
@@ -41,7 +41,7 @@ def figures_of(problem: Problem, chosen: Selection) -> FitFigures:
     )
 
 
-def noise_of(problem: Problem, chosen: Selection) -> float | None:
+def noise_of(problem: PartProblem, chosen: Selection) -> float | None:
     """Return the rms of the noise of the measured quantity, independent of any model.
 
     It is computed from rest if there is any, from replicates of a rate if each row is a separate step, or else from
@@ -67,7 +67,7 @@ def _scatter_of_replicates(values: FloatArray, rate_dps: FloatArray) -> float | 
     return math.sqrt(float(about @ about) / freedom)
 
 
-def _about_lines(problem: Problem, rows: BoolArray) -> float | None:
+def _about_lines(problem: PartProblem, rows: BoolArray) -> float | None:
     """Return the scatter at rest about a line per second; the median, because in some seconds the table stops."""
     block = max(_FEWEST, round(_BLOCK_S / problem.interval_s))
     place = np.arange(block) - 0.5 * (block - 1)

@@ -11,11 +11,11 @@ from benchctl.diagnosis.findings.located import where_of
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.result import Alternative, Estimate, Finding
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import judged
 from benchctl.estimation.noise import Noisy
 from benchctl.estimation.noise_model import GROWING
 from benchctl.estimation.point import FREE, interval_of
-from benchctl.estimation.problem import Problem
 from benchctl.signals.normal import Z95
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.effects.registry import effect as effect_named
@@ -25,7 +25,7 @@ _NEAR = 0.001
 """Alternatives with a smaller probability are not listed."""
 
 
-def findings_of(problem: Problem, chosen: Selection) -> tuple[Finding, ...]:
+def findings_of(problem: PartProblem, chosen: Selection) -> tuple[Finding, ...]:
     """Return the findings of a selection: first the effects, then those about the noise."""
     return (*_effects(problem, chosen), *_noises(problem, chosen))
 
@@ -35,7 +35,7 @@ def noise_effects(chosen: Selection) -> tuple[DescribedEffect, ...]:
     return tuple(_as_effect(one, chosen.white_deviation) for one in chosen.noise.found.values())
 
 
-def _effects(problem: Problem, chosen: Selection) -> Iterator[Finding]:
+def _effects(problem: PartProblem, chosen: Selection) -> Iterator[Finding]:
     named = chosen.named or chosen.after
     total = chosen.before.squares - named.squares
     if problem.disturbed:
@@ -59,7 +59,7 @@ def _effects(problem: Problem, chosen: Selection) -> Iterator[Finding]:
         )
 
 
-def estimates_of(problem: Problem, chosen: Selection) -> Iterator[tuple[str, DescribedEffect, dict[str, Estimate]]]:
+def estimates_of(problem: PartProblem, chosen: Selection) -> Iterator[tuple[str, DescribedEffect, dict[str, Estimate]]]:
     """Yield every effect of the model with its key and its parameters with intervals."""
     fitted = chosen.whole
     errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
@@ -93,7 +93,7 @@ def _alternatives(rivals: Mapping[str, float]) -> tuple[tuple[Alternative, ...],
     return named, 1.0 / total
 
 
-def _noises(problem: Problem, chosen: Selection) -> Iterator[Finding]:
+def _noises(problem: PartProblem, chosen: Selection) -> Iterator[Finding]:
     excess = (chosen.before.white**2 - chosen.after.white**2).astype(np.float32)
     for one, effect in zip(chosen.noise.found.values(), noise_effects(chosen), strict=True):
         alternatives, probability = _alternatives(one.rivals)

@@ -11,9 +11,9 @@ from scipy.special import ndtri
 
 from benchctl.diagnosis.result import Slice, StepFigures, Where
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import Fit, judged
 from benchctl.estimation.noise import Whitener
-from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
 from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray
@@ -28,7 +28,7 @@ _CHANCE = 0.01
 _MOST_OF_EXCESS = 0.8
 
 
-def left_of(problem: Problem, fit: Fit, whitener: Whitener) -> FloatArray:
+def left_of(problem: PartProblem, fit: Fit, whitener: Whitener) -> FloatArray:
     """Return the residual of every row, shape (n,).
 
     If the noise wanders, rows that count are predicted from the rows before them.
@@ -39,7 +39,7 @@ def left_of(problem: Problem, fit: Fit, whitener: Whitener) -> FloatArray:
     return np.divide(fit.white, whitener.weight, out=fit.residual.copy(), where=counted)
 
 
-def slices_of(problem: Problem, chosen: Selection) -> tuple[Slice, ...]:
+def slices_of(problem: PartProblem, chosen: Selection) -> tuple[Slice, ...]:
     """Return the mean residual in bins of every coordinate that varies in the recording."""
     residuals = chosen.before.residual, left_of(problem, chosen.after, chosen.whitener)
 
@@ -77,7 +77,7 @@ def _slice_of(
     )
 
 
-def _without_noise(name: str, problem: Problem, chosen: Selection, values: FloatArray) -> FloatArray:
+def _without_noise(name: str, problem: PartProblem, chosen: Selection, values: FloatArray) -> FloatArray:
     """Return a coordinate, predicted if it is the measured quantity: sorting noise by itself makes a structure."""
     if name == "output":
         return chosen.after.predicted
@@ -94,7 +94,7 @@ def _edges(values: FloatArray) -> FloatArray | None:
     return np.linspace(low, high, _BINS + 1) if low < high else None
 
 
-def where_of(problem: Problem, excess: npt.NDArray[np.float32], coordinate: str) -> Where:
+def where_of(problem: PartProblem, excess: npt.NDArray[np.float32], coordinate: str) -> Where:
     """Return the ranges of a coordinate, and the steps, that hold most of an `excess` of squares, shape (n,)."""
     per_step = np.bincount(problem.step, excess, minlength=len(problem.step_names))
     steps = tuple(problem.step_names[i] for i in np.argsort(-per_step)[:3])
@@ -125,7 +125,7 @@ def _joined(kept: list[int], edges: list[float]) -> tuple[tuple[float, float], .
     return tuple((edges[start], edges[stop]) for start, stop in zip(starts, stops, strict=True))
 
 
-def step_figures(problem: Problem, chosen: Selection) -> tuple[StepFigures, ...]:
+def step_figures(problem: PartProblem, chosen: Selection) -> tuple[StepFigures, ...]:
     """Return every step's rms residual: with the original model, refitted, and with the findings.
 
     Innovations are used, weighted per row if the noise level varies, as in `FitFigures`.

@@ -14,7 +14,7 @@ from benchctl.diagnosis.search.injection import Injection
 from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.search.screen import Scored
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.estimation.problem import Problem
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.side_by_side import shared_out
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
@@ -25,7 +25,7 @@ _LARGER = (1.0, 1.4, 2.0, 2.8, 4.0)
 
 
 def not_found_of(
-    problem: Problem, chosen: Selection, stated: Collection[str], *, unexplained: bool
+    problem: PartProblem, chosen: Selection, stated: Collection[str], *, unexplained: bool
 ) -> tuple[NotFound, ...]:
     """Return the size at which each effect that is not `stated`, as finding or alternative, was detected.
 
@@ -66,7 +66,7 @@ def _needs(one: Scored) -> str:
     return f"it needs {one.probe.kind.excited_by}"
 
 
-def _recovered(problem: Problem, chosen: Selection, probe: Probe, size: float) -> NotFound | None:
+def _recovered(problem: PartProblem, chosen: Selection, probe: Probe, size: float) -> NotFound | None:
     """Return the smallest size, from `size` on, at which an injected effect is detected; None if there is none."""
     kind = probe.kind
     name = next(name for name, parameter in kind.parameters.items() if parameter.role == "size")

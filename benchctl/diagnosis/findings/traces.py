@@ -12,7 +12,7 @@ from benchctl.diagnosis.faults import Fault
 from benchctl.diagnosis.findings.located import left_of
 from benchctl.diagnosis.result import Trace
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.estimation.problem import Problem
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl_instruments.arrays import FloatArray
 
 _LASTS_S = 3.0
@@ -31,7 +31,7 @@ class _Window:
     step: int
 
 
-def traces_of(problem: Problem, chosen: Selection, faults: Sequence[Fault] = ()) -> tuple[Trace, ...]:
+def traces_of(problem: PartProblem, chosen: Selection, faults: Sequence[Fault] = ()) -> tuple[Trace, ...]:
     """Return up to three excerpts, preferably from steps of different kinds and from held-out steps.
 
     One shows the spoilt rows of each kind of `faults`; the others are where before and after differ most or, if no
@@ -69,7 +69,7 @@ def _by_score(one: _Window) -> float:
     return -one.score
 
 
-def _chosen(problem: Problem, chosen: Selection, windows: list[_Window], count: int) -> list[_Window]:
+def _chosen(problem: PartProblem, chosen: Selection, windows: list[_Window], count: int) -> list[_Window]:
     """Return the best windows, held-out steps first; a second one of a kind counts only `_WORTH` of its score."""
     least = _WORTH * max((one.score for one in windows), default=0.0)
     held = [one for one in windows if chosen.heldout[one.step] and one.score > least]
@@ -83,7 +83,7 @@ def _chosen(problem: Problem, chosen: Selection, windows: list[_Window], count: 
     return picked
 
 
-def _windows(problem: Problem, score: FloatArray, *, edges: bool = False) -> Iterator[_Window]:
+def _windows(problem: PartProblem, score: FloatArray, *, edges: bool = False) -> Iterator[_Window]:
     """Yield each step's window of rows with the largest sum of a score (n,), if any row of the step scores.
 
     With `edges`, a window in which every row scores is excluded.

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchctl.diagnosis.result import Estimate, Finding, Unexplained, Verdict
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.estimation.problem import Problem
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.signals.normal import Z95
 
 _MOVED_ERRORS = 5.0
@@ -17,7 +17,7 @@ _MOVED_SHARE = 1e-4
 """A parameter has changed if it differs by five standard errors and by 1e-4 of scale factor or full scale."""
 
 
-def baseline_of(problem: Problem, chosen: Selection) -> dict[str, Estimate]:
+def baseline_of(problem: PartProblem, chosen: Selection) -> dict[str, Estimate]:
     """Return the refitted parameters of the lab's model; `was` is the lab's previous value, if any.
 
     An interval is limited to the plausible range. A parameter that the recording does not determine has an interval
@@ -49,7 +49,7 @@ def baseline_of(problem: Problem, chosen: Selection) -> dict[str, Estimate]:
 
 
 def verdict_of(
-    problem: Problem, findings: Sequence[Finding], unexplained: Unexplained, baseline: Mapping[str, Estimate]
+    problem: PartProblem, findings: Sequence[Finding], unexplained: Unexplained, baseline: Mapping[str, Estimate]
 ) -> Verdict:
     """Return the verdict: missing physics takes precedence over unknown structure, that over changed parameters."""
     if findings:

@@ -53,7 +53,7 @@ _ODD = 0.001
 
 @dataclass(frozen=True, kw_only=True)
 class PointsProblem(GyroBaseline):
-    """A `benchctl.estimation.problem.Problem`: mean volts from commanded rates, one row per point.
+    """A `PartProblem`: mean volts from commanded rates, one row per point.
 
     Points at which the gyro is `overloaded` (n,) are not fitted.
     """

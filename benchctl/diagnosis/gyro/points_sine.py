@@ -10,21 +10,21 @@ import numpy as np
 from benchctl.calibration.static_points_fit import FEWEST_RATES, RESTING_DPS, fit_static_points
 from benchctl.diagnosis.gyro.points import PointsProblem
 from benchctl.diagnosis.result import Estimate, Finding
-from benchctl.estimation.problem import Problem
+from benchctl.diagnosis.stepped import PartProblem
 
 _NONLINEARITY = "rate_nonlinearity"
 _SINE = 0.2
 """Maximum misfit relative to the straight line for the interferometer's law to be accepted."""
 
 
-def with_sine(problem: Problem, findings: Iterable[Finding]) -> Iterator[Finding]:
+def with_sine(problem: PartProblem, findings: Iterable[Finding]) -> Iterator[Finding]:
     """Yield the findings; a sine-shaped nonlinearity of static points also states its S as `S_rad_per_dps`."""
     for one in findings:
         sine = _sine_of(problem) if one.effect == _NONLINEARITY else None
         yield one if sine is None else replace(one, parameters={**one.parameters, "S_rad_per_dps": sine})
 
 
-def _sine_of(problem: Problem) -> Estimate | None:
+def _sine_of(problem: PartProblem) -> Estimate | None:
     """Return S of the fitted points; None for samples, or if the law is not a sine."""
     if not isinstance(problem, PointsProblem):
         return None

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -47,13 +47,15 @@ _LEAST_UNCLIPPED = 0.1
 _MOST_SCALE = 2.0
 """Maximum ratio to a stated scale factor: parts and wiring cannot change it more, but a wrong model can."""
 _KNOTS, _RIDGE = 12, 1e-9
+_FEWEST_ROWS = 100
+_CONSTANT = 1e-9  # relative peak-to-peak; a 24-bit converter resolves 6e-8
 _FEWEST_STEPS = 12
 """With fewer steps none can be held out; they are cut into pieces."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GyroProblem(GyroBaseline):
-    """A `benchctl.estimation.problem.Problem`: the gyro's volts from the encoder's motion and the thermistor.
+    """A `PartProblem`: the gyro's volts from the encoder's motion and the thermistor.
 
     Its rows are those of the frame or, if the motion goes beyond the filters' band, the slow part of some of them
     (`band`). `earth_dps` is the Earth's rate about the table's axis, 0 if the table's location is unknown; `rounding_v`
@@ -72,6 +74,7 @@ class GyroProblem(GyroBaseline):
     contrast: Contrast | None = None
     encoder_step_deg: float = 0.0
     rails: tuple[PhysicalEffect, ...] = ()
+    in_motion: ClassVar[bool] = True
 
     @cached_property
     def noises(self) -> frozenset[str]:
@@ -95,6 +98,14 @@ class GyroProblem(GyroBaseline):
     def time_s(self) -> FloatArray:
         """Time stamps since the start of the recording [s], shape (n,)."""
         return self._kept(self.frame.time_s)
+
+    @property
+    def clock_s(self) -> FloatArray:
+        """Time since the start of the recording that a stretch belongs to [s], shape (n,)."""
+        clock = self.time_s.copy()
+        for part, origin_s in zip(self.stretches, self.frame.origins_s, strict=True):
+            clock[part] -= origin_s
+        return clock
 
     @property
     def interval_s(self) -> float:
@@ -193,6 +204,23 @@ class GyroProblem(GyroBaseline):
         if SETPOINT_WAY in frame.auxiliary:
             every_row["setpoint"] = frame.auxiliary[SETPOINT_WAY]
         return {name: self._kept(values) for name, values in every_row.items()}
+
+    def require_rows(self, recording: Recording) -> None:
+        """Raise `UsageError` if too few rows are usable, or if the output is constant."""
+        usable = np.count_nonzero(self.usable)
+        output = self.measured[self.usable] if usable else self.measured
+        if np.ptp(output) <= _CONSTANT * np.abs(output).max():
+            raise UsageError(
+                f"{recording.path}: gyro_v is {output[0]:.6g} in all {output.size} rows; check that the gyro is powered"
+                " and that the right channel was recorded"
+            )
+        if usable < _FEWEST_ROWS:
+            band = "" if self.band is None else f", and motion faster than {self.band.up_to_hz:.2g} Hz,"
+            raise UsageError(
+                f"{recording.path}: {usable} of {self.usable.size} rows can be compared with a model, a diagnosis needs"
+                f" {_FEWEST_ROWS}: rows at a rail, held, near a gap or near an end{band} are left out; record longer"
+                " without gaps"
+            )
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """Return the predicted volts, shape (n,).

@@ -13,14 +13,14 @@ from benchctl.diagnosis.next_run.repeated import repeat_along, rest_longer
 from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.result import Finding, NextExperiment, Unexplained
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import fit
-from benchctl.estimation.problem import Problem
 from benchctl.estimation.wandering import PROCESSES
 from benchctl.recordings.model import Meta
 
 
 def next_of(
-    problem: Problem,
+    problem: PartProblem,
     chosen: Selection,
     findings: Sequence[Finding],
     unexplained: Unexplained,
@@ -57,7 +57,7 @@ def _pairs(problem: GyroProblem, chosen: Selection, findings: Sequence[Finding])
 _TOGETHER = "and diagnose both recordings together"
 
 
-def next_by_hand(problem: Problem, findings: Sequence[Finding], unexplained: Unexplained) -> NextExperiment:
+def next_by_hand(problem: PartProblem, findings: Sequence[Finding], unexplained: Unexplained) -> NextExperiment:
     """Return the run that separates the findings from their alternatives, or shows more of the unexplained part."""
     open_ones = [one for one in findings if one.alternatives]
     names = tuple(dict.fromkeys(name for one in open_ones for name in (one.effect, one.alternatives[0].effect)))

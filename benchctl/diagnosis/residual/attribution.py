@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl.diagnosis.gyro.points import PointsProblem
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import place_of
 from benchctl.diagnosis.residual.residual_structure import (
@@ -23,9 +22,9 @@ from benchctl.diagnosis.residual.residual_structure import (
 from benchctl.diagnosis.result import Unexplained
 from benchctl.diagnosis.search.select import reduced, settled_again, without
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.disturbance import beside_disturbance
 from benchctl.estimation.fit import Fit, fit, gain_of
-from benchctl.estimation.problem import Problem
 from benchctl.estimation.wandering import PROCESSES
 from benchctl_instruments.arrays import BoolArray
 from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
@@ -38,7 +37,7 @@ NOTHING = Unexplained(significant=False, share=0.0)
 
 
 def named(
-    problem: Problem, chosen: Selection, *, rounding_v2: float = 0.0, contested: bool = False, seed: int
+    problem: PartProblem, chosen: Selection, *, rounding_v2: float = 0.0, contested: bool = False, seed: int
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """Return the selection without the findings that the residual forbids, the unexplained residual, and notes.
 
@@ -51,11 +50,11 @@ def named(
     chosen, noted = without_the_tables_own(problem, chosen)
     for _ in range(_ROUNDS):
         rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
-        if not rest.significant or owed_to_the_table(problem, math.sqrt(rest.power)):
+        if not rest.significant or math.sqrt(rest.power) < problem.rate_error_v:
             return chosen, NOTHING, noted
         if rest.power < _ROUNDED * rounding_v2:
             return chosen, NOTHING, (f"{rest.says} It is small enough to be caused by the converter's steps.",)
-        judged = rest if isinstance(problem, GyroProblem) else _beside_time(rest, chosen.after)
+        judged = rest if problem.in_motion else _beside_time(rest, chosen.after)
         less = {name: without(problem, chosen, *shared) for name, shared in _shared(chosen).items()}
         agreed = _agreed(problem, chosen)
         noises = _noises(chosen, rest)
@@ -73,7 +72,7 @@ def named(
             break
         fallen = {place_of(effect) for key, effect in effects.items() if key in forbidden}
         chosen = settled_again(problem, reduced(problem, chosen, forbidden), fallen, seed=seed)
-    if isinstance(problem, GyroProblem):
+    if problem.in_motion:
         chosen = _as_uncertain(chosen, rest)
     all_gains = {name: _beside(rest, chosen.after, one) for name, one in less.items()} | noises
     if imperfect(all_gains, rest, instead):
@@ -86,7 +85,7 @@ def named(
     return chosen, unexplained, ()
 
 
-def _too_small(problem: Problem, chosen: Selection, rest: ResidualStructure, agreed: set[str]) -> tuple[str, ...]:
+def _too_small(problem: PartProblem, chosen: Selection, rest: ResidualStructure, agreed: set[str]) -> tuple[str, ...]:
     """Return the key of the weakest finding along the motion if chance can gain as much with this residual, else ().
 
     The power it explains in the rows is compared with the lack of fit (an F-test), because the logarithm of a
@@ -107,7 +106,7 @@ def _too_small(problem: Problem, chosen: Selection, rest: ResidualStructure, agr
     return tuple(key for key, gain in gains.items() if gain == min(gains.values()) and gain < chosen.least)
 
 
-def _is_rounding(problem: Problem, effect: EncoderEffect) -> bool:
+def _is_rounding(problem: PartProblem, effect: EncoderEffect) -> bool:
     steps = (
         np.diff(np.unique(problem.frame.encoder_deg.round(_DIGITS)))
         if isinstance(problem, GyroProblem)
@@ -127,7 +126,7 @@ def _as_uncertain(chosen: Selection, rest: ResidualStructure) -> Selection:
     return replace(chosen, evidence=evidence)
 
 
-def _agreed(problem: Problem, chosen: Selection) -> set[str]:
+def _agreed(problem: PartProblem, chosen: Selection) -> set[str]:
     """Return the keys of delays and filters that several recordings confirm.
 
     At a single frequency a function of the acceleration could replace them; at several frequencies it cannot.
@@ -150,7 +149,7 @@ def _shared(chosen: Selection) -> dict[str, tuple[str, ...]]:
     }
 
 
-def _beside_disturbance(problem: Problem, chosen: Selection) -> Unexplained:
+def _beside_disturbance(problem: PartProblem, chosen: Selection) -> Unexplained:
     """Return what is unexplained in addition to a disturbance; every finding has already competed with it."""
     after = beside_disturbance(problem, chosen.after)
     rest = residual_structure_beside(problem, after.whitener, after)
@@ -175,7 +174,7 @@ def _squares(fitted: Fit, rows: BoolArray) -> float:
     return float(fitted.white[rows] @ fitted.white[rows])
 
 
-def _in_rows(problem: Problem, fitted: Fit, less: Fit) -> float:
+def _in_rows(problem: PartProblem, fitted: Fit, less: Fit) -> float:
     """Return a finding's gain in the rows alone, because a coordinate cannot explain the spectral residual."""
     rows = fitted.fitted[problem.step]
     good, bad = (max(_squares(one, rows), 1e-300) for one in (fitted, less))
@@ -199,25 +198,18 @@ def _noises(chosen: Selection, rest: ResidualStructure) -> dict[str, float]:
     return {name: rest.noise_gain if name in PROCESSES else one.gain for name, one in chosen.noise.found.items()}
 
 
-def owed_to_the_table(problem: Problem, largest_v: float) -> bool:
-    """Return whether a change of the output is within the error of commanded rates."""
-    return isinstance(problem, PointsProblem) and largest_v < problem.rate_error_v
-
-
-def without_the_tables_own(problem: Problem, chosen: Selection) -> tuple[Selection, tuple[str, ...]]:
+def without_the_tables_own(problem: PartProblem, chosen: Selection) -> tuple[Selection, tuple[str, ...]]:
     """Return the selection without effects that the table may have caused, the smallest first, and notes.
 
     The rates of static points were commanded, not measured. Their errors repeat with every visit, so that scatter does
     not show them, and look like a nonlinearity or asymmetry of the gyro. For other parts, and for recordings with an
     encoder, all effects are kept.
     """
-    if not isinstance(problem, PointsProblem):
-        return chosen, ()
     dropped: list[str] = []
-    while chosen.evidence:
+    while chosen.evidence and problem.rate_error_v:
         changes = {key: _change_v(chosen.after, without(problem, chosen, key)) for key in chosen.evidence}
         smallest = min(changes, key=lambda key: changes[key])
-        if not owed_to_the_table(problem, changes[smallest]):
+        if not changes[smallest] < problem.rate_error_v:
             break
         dropped.append(smallest.replace("_", " "))
         chosen = reduced(problem, chosen, {smallest})

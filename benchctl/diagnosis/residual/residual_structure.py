@@ -21,7 +21,7 @@ from benchctl.diagnosis.residual.events import bump, jump, lines
 from benchctl.diagnosis.residual.groups import Group, groups_of
 from benchctl.diagnosis.residual.score_test import Columns, ScoreTest, Seen, for_entries
 from benchctl.diagnosis.result import COORDINATE_UNITS
-from benchctl.estimation.problem import Problem
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.side_by_side import shared_out
 from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import BoolArray, FloatArray
@@ -144,7 +144,7 @@ class View:
     rows: float
 
 
-def residual_structure_of(problem: Problem, whitener: Whitens, fit: Fitted, *, seed: int = 0) -> ResidualStructure:
+def residual_structure_of(problem: PartProblem, whitener: Whitens, fit: Fitted, *, seed: int = 0) -> ResidualStructure:
     """Return the structure of a fit's residual on the steps that it was fitted to.
 
     If the whitener contains slow noise, a structure with white noise is tested first in its place.
@@ -162,7 +162,7 @@ def residual_structure_of(problem: Problem, whitener: Whitens, fit: Fitted, *, s
     return _told(problem, look(white, _groups(problem, fit, white, slow=True), _through(whitener)), noise_gain)
 
 
-def residual_structure_beside(problem: Problem, whitener: Whitens, fit: Fitted) -> ResidualStructure:
+def residual_structure_beside(problem: PartProblem, whitener: Whitens, fit: Fitted) -> ResidualStructure:
     """Return the residual structure in addition to a known disturbance, which the whitener makes white."""
     rows = fit.fitted[problem.step] & (whitener.weight > 0.0)
     white = ScoreTest(fit.white, fit.derivatives, rows)
@@ -182,7 +182,7 @@ def _is_for_noise(structure: View, plain: ScoreTest, whitener: Whitens, noise_ga
 
 
 def instead_of(
-    problem: Problem, whitener: Whitens, without: Fitted, rest: ResidualStructure, *, seed: int = 0
+    problem: PartProblem, whitener: Whitens, without: Fitted, rest: ResidualStructure, *, seed: int = 0
 ) -> float:
     """Return what the coordinates of a residual structure gain in place of a finding, less the parameter penalty.
 
@@ -302,12 +302,12 @@ def _rank(one: Looked) -> tuple[bool, float]:
     return one.log_p < math.log(1e-6), float(f"{one.promise:.9g}")
 
 
-def _smooth_groups(problem: Problem, fit: Fitted, *, slow: bool) -> Iterator[Group]:
+def _smooth_groups(problem: PartProblem, fit: Fitted, *, slow: bool) -> Iterator[Group]:
     reference_c = problem.circumstances.get("T0_c", 0.0)
     yield from groups_of(problem.coordinates, output=fit.predicted, reference_c=reference_c, slow=slow)
 
 
-def _groups(problem: Problem, fit: Fitted, left: ScoreTest, *, slow: bool = False) -> Iterator[Group]:
+def _groups(problem: PartProblem, fit: Fitted, left: ScoreTest, *, slow: bool = False) -> Iterator[Group]:
     """Yield all groups to test; events at one instant only if the noise is white."""
     time_s = problem.time_s
     yield from _smooth_groups(problem, fit, slow=slow)
@@ -343,7 +343,7 @@ def _through(whitener: Whitens) -> Whitened:
     return whitened
 
 
-def _told(problem: Problem, view: View, noise_gain: float) -> ResidualStructure:
+def _told(problem: PartProblem, view: View, noise_gain: float) -> ResidualStructure:
     threshold = threshold_of(len(view.looked))
     best = max(view.looked, key=_rank)
     significant = best.log_p < threshold

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from benchctl.estimation.problem import Problem
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 _HELD_OUT = 6
@@ -15,12 +15,12 @@ _RARE = 3.0
 """Number of deviations below its expected value at which a gain on held-out steps contradicts a model."""
 
 
-def held_out_steps(problem: Problem) -> BoolArray:
+def held_out_steps(problem: PartProblem) -> BoolArray:
     """Return a mask, shape (m,), of the steps, one in six of each kind, held out from selection and fitting."""
     return np.asarray(dealt(problem) == _HELD_OUT // 2)
 
 
-def dealt(problem: Problem) -> IntArray:
+def dealt(problem: PartProblem) -> IntArray:
     """Return fold numbers of the steps, assigned in turn within each kind, shape (m,)."""
     places: dict[str, int] = {}
     turns = []

@@ -14,9 +14,9 @@ from benchctl.diagnosis.search.pairs import own_columns
 from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import fit, gain_kept, inverse
 from benchctl.estimation.point import at_bound
-from benchctl.estimation.problem import Problem
 from benchctl.signals.blocks import block_starts, step_starts
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
@@ -31,13 +31,13 @@ _FEW_ROWS = 20_000
 class Injection:
     """A probe for a chosen model; `columns` (k, n) are its whitened columns that the model cannot follow."""
 
-    problem: Problem
+    problem: PartProblem
     chosen: Selection
     probe: Probe
     columns: FloatArray
 
     @classmethod
-    def of(cls, problem: Problem, chosen: Selection, probe: Probe) -> Self:
+    def of(cls, problem: PartProblem, chosen: Selection, probe: Probe) -> Self:
         """Compute the probe's columns for the chosen model."""
         columns = own_columns(problem, chosen.whitener, chosen.after, probe.columns)
         return cls(problem=problem, chosen=chosen, probe=probe, columns=columns)
@@ -69,7 +69,7 @@ class Injection:
         """Return whether a fit to the recording with the added effect satisfies the criteria."""
         chosen, after = self.chosen, self.chosen.after
         added = self.problem.predict(after.point.baseline, (*after.point.effects, effect)) - after.predicted
-        injected = cast(Problem, _Injected(self.problem, self.problem.measured + added))
+        injected = cast(PartProblem, _Injected(self.problem, self.problem.measured + added))
         less = fit(injected, chosen.whitener, after, after.fitted, rounds=_ROUNDS)
         start = replace(less.point, effects=(*less.point.effects, self.probe.start(weights)))
         found = fit(injected, chosen.whitener, start, after.fitted)
@@ -83,7 +83,7 @@ class Injection:
 class _Injected:
     """A problem with other measured values."""
 
-    def __init__(self, problem: Problem, measured: FloatArray) -> None:
+    def __init__(self, problem: PartProblem, measured: FloatArray) -> None:
         self._problem = problem
         self.measured = measured
 

@@ -15,12 +15,12 @@ from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.scans import SCANNED, proposals
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.screen import Scored, Screening, screen
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.evidence import occam_factor
 from benchctl.estimation.fit import Fit, Point, fit, gain_alone, gain_kept, gain_of
 from benchctl.estimation.noise import Whitener
 from benchctl.estimation.noise_model import NoiseModel
 from benchctl.estimation.point import assumed, at_bound, stands_at
-from benchctl.estimation.problem import Problem
 from benchctl.signals.blocks import block_starts
 from benchctl_instruments.arrays import IntArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
@@ -64,7 +64,9 @@ class Models:
     `rounding_v2` [unit²] is the variance of a coarse converter's rounding.
     """
 
-    def __init__(self, problem: Problem, seed: int, progress: Callable[[str, float], None], rounding_v2: float) -> None:
+    def __init__(
+        self, problem: PartProblem, seed: int, progress: Callable[[str, float], None], rounding_v2: float
+    ) -> None:
         self._problem, self._seed, self._progress = problem, seed, progress
         self._rounding_v2 = rounding_v2
         self._folds = dealt(problem)

@@ -16,9 +16,9 @@ import numpy as np
 
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.screen import Scored
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import Fit, inverse
 from benchctl.estimation.noise import Whitener
-from benchctl.estimation.problem import Problem
 from benchctl.signals.blocks import block_starts
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
@@ -37,7 +37,7 @@ class Pair:
     explains: float
 
 
-def pairs_of(problem: Problem, whitener: Whitener, fitted: Fit, scored: Sequence[Scored]) -> list[Pair]:
+def pairs_of(problem: PartProblem, whitener: Whitener, fitted: Fit, scored: Sequence[Scored]) -> list[Pair]:
     """Return all pairs of effects of different kinds for a fitted model, the most promising first."""
     rows = fitted.fitted[problem.step]
     white = fitted.white * rows
@@ -64,7 +64,9 @@ def pairs_of(problem: Problem, whitener: Whitener, fitted: Fit, scored: Sequence
     return sorted(pairs, key=lambda one: -float(f"{one.promise:.6g}"))
 
 
-def own_columns(problem: Problem, whitener: Whitener, fitted: Fit, effects: Iterable[DescribedEffect]) -> FloatArray:
+def own_columns(
+    problem: PartProblem, whitener: Whitener, fitted: Fit, effects: Iterable[DescribedEffect]
+) -> FloatArray:
     """Return the whitened change of the prediction by each effect, less what the model can follow, shape (k, n)."""
     point = fitted.point
     changed = [problem.predict(point.baseline, (*point.effects, one)) - fitted.predicted for one in effects]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.estimation.problem import Problem
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
@@ -54,7 +54,7 @@ class Probe:
         return self.kind.make(values, self.circumstances)
 
 
-def probes_of(problem: Problem, kind: type[DescribedEffect]) -> Iterator[Probe]:
+def probes_of(problem: PartProblem, kind: type[DescribedEffect]) -> Iterator[Probe]:
     """Yield the probes of an effect in a problem; none for effects whose places are proposed by a scan."""
     if any(parameter.by_scan for parameter in kind.parameters.values()):
         return
@@ -64,7 +64,7 @@ def probes_of(problem: Problem, kind: type[DescribedEffect]) -> Iterator[Probe]:
 
 
 def probe_at(
-    problem: Problem, kind: type[DescribedEffect], place: Mapping[str, float], *, places: float = 1.0
+    problem: PartProblem, kind: type[DescribedEffect], place: Mapping[str, float], *, places: float = 1.0
 ) -> Probe:
     """Return the probe at values of the shapes and choices, selected among so many independent places."""
     sizes, phases = _of_role(kind, "size"), _of_role(kind, "phase")

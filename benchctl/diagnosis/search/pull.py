@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import Fit
 from benchctl.estimation.noise import Whitener
-from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 
@@ -44,7 +44,7 @@ class Place:
     places: float
 
 
-def pull_of(problem: Problem, whitener: Whitener, fitted: Fit) -> Pull:
+def pull_of(problem: PartProblem, whitener: Whitener, fitted: Fit) -> Pull:
     """Return the pull of a fit's residual, over the steps to which it was fitted."""
     rows = fitted.fitted[problem.step] & (whitener.weight > 0.0)
     return Pull(

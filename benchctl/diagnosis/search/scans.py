@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.gyro.points import PointsProblem
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.search.probes import Probe, probe_at
@@ -21,11 +20,10 @@ from benchctl.diagnosis.search.scan_converter import converter_places
 from benchctl.diagnosis.search.scan_ends import fold_places, limit_places, onset_places, rail_places
 from benchctl.diagnosis.search.scan_lines import line_places
 from benchctl.diagnosis.search.scan_mains import mains_places, swing_hz
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import Fit
 from benchctl.estimation.noise import Whitener
-from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
-from benchctl_instruments.arrays import FloatArray
 
 SCANNED = frozenset(
     {
@@ -42,7 +40,7 @@ SCANNED = frozenset(
 _COUNT = 3
 
 
-def proposals(problem: Problem, whitener: Whitener, fitted: Fit) -> list[Probe]:
+def proposals(problem: PartProblem, whitener: Whitener, fitted: Fit) -> list[Probe]:
     """Return the best places of every scanned effect that is not in the fitted model, up to three per effect.
 
     By chance, a probe's gain less twice the logarithm of its `places` exceeds 14 less than once in a thousand cases.
@@ -63,7 +61,7 @@ def proposals(problem: Problem, whitener: Whitener, fitted: Fit) -> list[Probe]:
     ]
 
 
-def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[str, float], float, float]]:
+def _places(problem: PartProblem, pull: Pull, name: str) -> Iterator[tuple[Mapping[str, float], float, float]]:
     """Yield the best places of an effect: its parameters by name and the number of places it was selected from.
 
     The third value is the promised gain, for effects without a size, else 0.
@@ -73,7 +71,7 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[s
         kinds = np.unique(problem.step_kinds, return_inverse=True)[1][problem.step]
         lowest = parameters["frequency_hz"].low
         for place in mains_places(
-            pull, clock_s(problem), problem.interval_s, kinds, lowest, _COUNT, swinging_hz(problem)
+            pull, problem.clock_s, problem.interval_s, kinds, lowest, _COUNT, swinging_hz(problem)
         ):
             yield {"frequency_hz": place.value}, place.places, 0.0
     elif name == "adc_nonlinearity":
@@ -100,19 +98,7 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[s
             yield {"lines_per_rev": place.value}, place.places, 0.0
 
 
-def swinging_hz(problem: Problem) -> float:
+def swinging_hz(problem: PartProblem) -> float:
     """Return the single frequency [Hz] at which the table of a recording swings; 0 if there is none."""
     rate = problem.coordinates.get("rate")
-    return 0.0 if rate is None else swing_hz(rate, clock_s(problem), problem.interval_s)
-
-
-def clock_s(problem: Problem) -> FloatArray:
-    """Return the time that effects use, shape (n,): since the start of the recording that a stretch belongs to."""
-    if isinstance(problem, DriveProblem):
-        return problem.rows.clock_s
-    if not isinstance(problem, GyroProblem):
-        return problem.time_s
-    clock = problem.time_s.copy()
-    for part, origin_s in zip(problem.stretches, problem.frame.origins_s, strict=True):
-        clock[part] -= origin_s
-    return clock
+    return 0.0 if rate is None else swing_hz(rate, problem.clock_s, problem.interval_s)

@@ -22,9 +22,9 @@ import numpy.typing as npt
 from benchctl.diagnosis.keys import Place, place_of
 from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.search.scatter import Scatter
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import Fit, inverse
 from benchctl.estimation.noise import Whitener
-from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
 from benchctl.signals.blocks import block_starts, consecutive, in_cache
 from benchctl_instruments.arrays import BoolArray, FloatArray
@@ -101,7 +101,7 @@ def _place_in_order(one: Scored) -> float:
 
 
 def screen(
-    problem: Problem,
+    problem: PartProblem,
     whitener: Whitener,
     fitted: Fit,
     probes: Sequence[Probe],
@@ -171,7 +171,7 @@ class _Beside:
     weight: FloatArray
 
     @classmethod
-    def of(cls, problem: Problem, whitener: Whitener, fitted: Fit) -> Self:
+    def of(cls, problem: PartProblem, whitener: Whitener, fitted: Fit) -> Self:
         rows = fitted.fitted[problem.step]
         spectral_rows, spectral = fitted.fitted[problem.spectral_step], fitted.spectral
         every = np.concatenate([rows, spectral_rows])
@@ -192,7 +192,7 @@ class _Beside:
 
     def columns(
         self,
-        problem: Problem,
+        problem: PartProblem,
         whitener: Whitener,
         fitted: Fit,
         probes: Sequence[Probe],

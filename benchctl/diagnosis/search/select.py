@@ -9,26 +9,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import Place, keys_of, place_of
 from benchctl.diagnosis.search.held_out import least_gain
 from benchctl.diagnosis.search.models import ALIKE, Models, Tried
 from benchctl.diagnosis.search.pairs import pairs_of
 from benchctl.diagnosis.search.screen import Scored, Screening
 from benchctl.diagnosis.search.selection import Evidence, Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.disturbance import with_disturbance
 from benchctl.estimation.evidence import occam_factor
 from benchctl.estimation.fit import Fit, Point, fit, gain_kept, gain_of, judged
 from benchctl.estimation.noise import Noisy, Whitener
 from benchctl.estimation.point import at_bound, interval_of
-from benchctl.estimation.problem import Problem
 from benchctl.estimation.wandering import PROCESSES
 from benchctl.signals.blocks import step_starts
 from benchctl.signals.normal import Z95
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 from benchctl_instruments.physics.structures import Structure
 
-Better = Callable[[Problem, Fit, Whitener], Problem | None]
+Better = Callable[[PartProblem, Fit, Whitener], PartProblem | None]
 
 _MOST_FINDINGS = 5
 _RIVALS = 5
@@ -53,7 +52,7 @@ def _share_done(rounds: int) -> float:
 
 
 def select(
-    problem: Problem,
+    problem: PartProblem,
     *,
     seed: int,
     progress: Callable[[str, float], None],
@@ -70,13 +69,13 @@ def select(
 
 
 def select_between(
-    problem: Problem,
+    problem: PartProblem,
     better: Better,
     *,
     seed: int,
     progress: Callable[[str, float], None],
     rounding_v2: float = 0.0,
-) -> tuple[Problem, Selection]:
+) -> tuple[PartProblem, Selection]:
     """Find the effects as `select` does, and choose between two assumptions about what a recording does not state.
 
     After each finding, `better` tests whether the other assumption explains the recording better; if so, it returns
@@ -98,12 +97,12 @@ def select_between(
     return search.problem, chosen
 
 
-def without(problem: Problem, chosen: Selection, *keys: str) -> Fit:
+def without(problem: PartProblem, chosen: Selection, *keys: str) -> Fit:
     """Return the fit without the effects of some keys, on the steps used for the selection."""
     return fit(problem, chosen.whitener, _dropped(chosen.after.point, keys), chosen.after.fitted)
 
 
-def reduced(problem: Problem, chosen: Selection, keys: Collection[str]) -> Selection:
+def reduced(problem: PartProblem, chosen: Selection, keys: Collection[str]) -> Selection:
     """Return the selection without some chosen effects and noises, with all other parameters refitted and new keys."""
     noise = chosen.noise.dropped(keys)
 
@@ -121,12 +120,12 @@ def reduced(problem: Problem, chosen: Selection, keys: Collection[str]) -> Selec
     )
 
 
-def settled_again(problem: Problem, chosen: Selection, fallen: Collection[Place], *, seed: int) -> Selection:
+def settled_again(problem: PartProblem, chosen: Selection, fallen: Collection[Place], *, seed: int) -> Selection:
     """Return the selection after effects were withdrawn (`fallen`): drop unneeded effects, compare rivals again."""
     return _Search(problem, seed, lambda _name, _share: None, 0.0).settle(chosen, fallen)
 
 
-def without_nothing(problem: Problem, chosen: Selection) -> Selection:
+def without_nothing(problem: PartProblem, chosen: Selection) -> Selection:
     """Return the selection without findings not distinguishable from zero, which withdrawn names may leave behind.
 
     Structures are kept: the statement about them is already made.
@@ -157,7 +156,7 @@ def _places(present: Fit) -> list[Place]:
     return [place_of(effect) for effect in present.point.effects]
 
 
-def _not_to_state(problem: Problem, present: Fit, evidence: Mapping[str, Evidence]) -> DescribedEffect | None:
+def _not_to_state(problem: PartProblem, present: Fit, evidence: Mapping[str, Evidence]) -> DescribedEffect | None:
     """Return the effect that most worsens held-out steps, is at a bound or is consistent with zero; None if none is."""
     zero = may_be_nothing(problem, present)
     worse = [
@@ -168,7 +167,7 @@ def _not_to_state(problem: Problem, present: Fit, evidence: Mapping[str, Evidenc
     return present.point.effects[min(worse)[1]] if worse else None
 
 
-def may_be_nothing(problem: Problem, fitted: Fit) -> set[int]:
+def may_be_nothing(problem: PartProblem, fitted: Fit) -> set[int]:
     """Return the indices of effects whose vanishing parameters all have zero within their 95 % interval.
 
     Shape parameters, such as a dead time next to a disturbance, which a lag can leave by chance, are tested with the
@@ -219,7 +218,7 @@ class _Search(Models):
     """The search: adds effects to a model, then drops and replaces them until the model no longer changes."""
 
     @property
-    def problem(self) -> Problem:
+    def problem(self) -> PartProblem:
         """The problem, under the assumption that explains the recording better."""
         return self._problem
 
@@ -310,7 +309,7 @@ class _Search(Models):
             return present
         return self._reviewed(self._under(self._stated, present))
 
-    def _under(self, problem: Problem, present: Fit) -> Fit:
+    def _under(self, problem: PartProblem, present: Fit) -> Fit:
         """Return the model fitted under another assumption, which is used from now on."""
         self._problem, self._bare = problem, None
         return self._fit(present.point)
@@ -476,9 +475,9 @@ class _Search(Models):
     def _earned(self, own: Evidence) -> float:
         """Return the gain that counts for an effect: that on the fitted steps plus that on held-out steps.
 
-        For a gyro, held-out steps count only if negative, because a coarse converter's rounding is alike in all steps.
+        In motion, held-out steps count only if negative, because a coarse converter's rounding is alike in all steps.
         """
-        return own.gain + (min(own.heldout, 0.0) if isinstance(self._problem, GyroProblem) else own.heldout)
+        return own.gain + (min(own.heldout, 0.0) if self._problem.in_motion else own.heldout)
 
     def _one_for_two(self, present: Fit) -> Fit | None:
         """Return the model with one effect in place of two similar ones if the two do no better; None if there is none.

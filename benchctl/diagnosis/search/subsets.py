@@ -26,11 +26,11 @@ from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.screen import screen
 from benchctl.diagnosis.search.select import may_be_nothing
 from benchctl.diagnosis.search.selection import Evidence, Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.disturbance import deviance_near, most_followed, with_disturbance
 from benchctl.estimation.fit import Fit, Point, fit, gain_of, judged
 from benchctl.estimation.noise_model import NoiseModel
 from benchctl.estimation.point import at_bound
-from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
 from benchctl_instruments.arrays import BoolArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
@@ -51,7 +51,7 @@ _Names = tuple[str, ...]
 
 
 def select_subset(
-    problem: Problem, *, seed: int, progress: Callable[[str, float], None], beside: tuple[Structure, ...] = ()
+    problem: PartProblem, *, seed: int, progress: Callable[[str, float], None], beside: tuple[Structure, ...] = ()
 ) -> Selection:
     """Find the likeliest of all small sets of effects of a `disturbed` problem in which every effect is needed.
 
@@ -60,7 +60,7 @@ def select_subset(
     return _Subsets(problem, progress, beside).selection(seed)
 
 
-def price_of(problem: Problem, effect: DescribedEffect | None = None) -> float:
+def price_of(problem: PartProblem, effect: DescribedEffect | None = None) -> float:
     """Return the gain in twice the log likelihood that an effect needs; without effect, that of a single parameter."""
     parameters = () if effect is None else effect.parameters.values()
     free = sum(one.role not in ("choice", "assumed") for one in parameters)
@@ -68,7 +68,7 @@ def price_of(problem: Problem, effect: DescribedEffect | None = None) -> float:
     return float(chdtri(max(free, 1), CHANCE / (places * max(len(problem.effects), 1))))
 
 
-def evidence_beside(problem: Problem, fitted: Fit, effect: DescribedEffect, heldout: BoolArray) -> Evidence:
+def evidence_beside(problem: PartProblem, fitted: Fit, effect: DescribedEffect, heldout: BoolArray) -> Evidence:
     """Return the evidence for an effect of a fit, compared with the fit without it."""
     others = tuple(one for one in fitted.point.effects if one is not effect)
     less = fit(problem, fitted.whitener, replace(fitted.point, effects=others), fitted.fitted)
@@ -83,7 +83,9 @@ def evidence_beside(problem: Problem, fitted: Fit, effect: DescribedEffect, held
 class _Subsets:
     """The sets of effects that were fitted, by their names."""
 
-    def __init__(self, problem: Problem, progress: Callable[[str, float], None], beside: tuple[Structure, ...]) -> None:
+    def __init__(
+        self, problem: PartProblem, progress: Callable[[str, float], None], beside: tuple[Structure, ...]
+    ) -> None:
         self._problem = problem
         self._held = held_out_steps(problem)
         self._untouched = Point(baseline=problem.baseline_start)

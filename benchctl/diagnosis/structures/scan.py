@@ -20,7 +20,6 @@ from scipy.signal import oaconvolve
 from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.search.pull import Pull, peaks
-from benchctl.diagnosis.search.scans import clock_s
 from benchctl.estimation.fit import Fit, inverse
 from benchctl.side_by_side import shared_out
 from benchctl.signals.binning import bin_of
@@ -190,7 +189,7 @@ def coordinates_of(problem: Structurable, fitted: Fit) -> dict[str, FloatArray]:
     residual.
     """
     values = {name: one for name, one in problem.coordinates.items() if name in OVER} | {"output": fitted.predicted}
-    values["time"] = clock_s(problem)
+    values["time"] = problem.clock_s
     if isinstance(problem, GyroProblem):
         frame, band = problem.frame, problem.band
         made = {"last_sign": last_sign(frame.rate_dps)}
@@ -576,7 +575,7 @@ def encoder_jumps(problem: GyroProblem, pull: Pull, noise: float) -> list[Struct
     )
     if not count or gains[count - 1] < _LEAST_JUMP:
         return []
-    clock = clock_s(problem)
+    clock = problem.clock_s
     rows = pull.rows
     squares = np.where(rows, pull.fitted.white, 0.0) ** 2
 

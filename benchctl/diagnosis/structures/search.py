@@ -20,7 +20,6 @@ from benchctl.diagnosis.residual.residual_structure import ResidualStructure, is
 from benchctl.diagnosis.search.held_out import least_gain
 from benchctl.diagnosis.search.models import IMPERFECT
 from benchctl.diagnosis.search.pull import pull_of
-from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.select import reduced
 from benchctl.diagnosis.search.selection import Evidence, Selection
@@ -232,7 +231,7 @@ def with_jumps(problem: GyroProblem, chosen: Selection) -> tuple[Selection, tupl
     """
     found: list[Structure] = []
     looked = 2.0 * math.log(chosen.after.rows)
-    clock = clock_s(problem)
+    clock = problem.clock_s
     for begun in encoder_jumps(problem, pull_of(problem, chosen.whitener, chosen.whole), chosen.noise.pure_error):
         step = int(problem.step[min(int(np.searchsorted(clock, begun.values["at"])), clock.size - 1)])
         if chosen.heldout[step]:

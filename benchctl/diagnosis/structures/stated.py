@@ -20,6 +20,7 @@ from benchctl.diagnosis.result import Curve, Estimate, StructureModel, Unexplain
 from benchctl.diagnosis.search.scans import swinging_hz
 from benchctl.diagnosis.search.select import reduced, select
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.diagnosis.structures.heat import heat_modelled, left_beside
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.scan import Structurable, coordinates_of, factors_of
@@ -34,7 +35,6 @@ from benchctl.diagnosis.structures.settled import (
     structures_of,
 )
 from benchctl.estimation.fit import gain_of
-from benchctl.estimation.problem import Problem
 from benchctl.signals.binning import bin_of
 from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import BoolArray, FloatArray
@@ -87,7 +87,7 @@ _PERIODIC = ("a controller that cycles", "a compressor", "interference")
 
 
 def with_structures(
-    problem: Problem,
+    problem: PartProblem,
     chosen: Selection,
     unexplained: Unexplained,
     owed: tuple[str, ...],

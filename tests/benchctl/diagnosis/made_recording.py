@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.subsets import select_subset
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import Point
-from benchctl.estimation.problem import Problem
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep, stored_of
@@ -61,12 +61,12 @@ def recording_of(channels: Mapping[str, FloatArray], *, kind: str = "motion", **
     return Recording(Path("made.h5"), meta, [info], _Held(Step(info, channels)))
 
 
-def found_in(problem: Problem) -> dict[str, DescribedEffect]:
+def found_in(problem: PartProblem) -> dict[str, DescribedEffect]:
     """What the engine's selection adds to a problem's baseline, by identifier."""
     return {effect.identifier: effect for effect in model_found(problem).effects}
 
 
-def model_found(problem: Problem) -> Point:
+def model_found(problem: PartProblem) -> Point:
     """The model that the engine's selection ends with."""
     search = select_subset if problem.disturbed else select
     return search(problem, seed=0, progress=lambda _name, _share: None).after.point

@@ -10,10 +10,10 @@ from benchctl.diagnosis.earth_rate import other_answer, plainly_better
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.diagnosis.search.select import select, select_between
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.fit import Fit, Point, fit
 from benchctl.estimation.noise import Whitener
 from benchctl.estimation.noise_model import NoiseModel
-from benchctl.estimation.problem import Problem
 from benchctl_instruments.physics.effects.dead_zone import DeadZone
 from benchctl_instruments.physics.effects.rate_squared import RateSquared
 from tests.benchctl.diagnosis.foreign import draw, make, to_recording
@@ -131,7 +131,7 @@ def test_a_search_that_learns_the_other_answer_ends_as_one_that_knew_it() -> Non
     assert other is not None
     asked: list[int] = []
 
-    def learns(one: Problem, fitted: Fit, _white: Whitener) -> Problem | None:
+    def learns(one: PartProblem, fitted: Fit, _white: Whitener) -> PartProblem | None:
         asked.append(len(fitted.point.effects))
         return other if one is problem else None
 

@@ -125,7 +125,7 @@ EFFECTS: Mapping[str, type[ToyEffect]] = {kind.identifier: kind for kind in (Cub
 
 @dataclass(frozen=True, kw_only=True)
 class Toy:
-    """A `Problem` of 24 steps, three kinds in turn, with a pause before each."""
+    """A `PartProblem` of 24 steps, three kinds in turn, with a pause before each."""
 
     measured: FloatArray
     effects: Mapping[str, type[DescribedEffect]]
@@ -142,6 +142,8 @@ class Toy:
     baseline_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     disturbed: bool = False
     rounding: float = 0.0
+    in_motion: bool = False
+    rate_error_v: float = 0.0
     recorded: IntArray = field(default_factory=lambda: np.zeros(STEPS, np.int64))
 
     def starts(
