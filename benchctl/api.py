@@ -37,7 +37,7 @@ from benchctl.app.fit import FitResult
 from benchctl.app.run import Watch
 from benchctl.bench import SIMULATED, Bench, load_bench
 from benchctl.calibration.coefficients import By
-from benchctl.campaign.runner import Moment, Outcome, Progress, nobody
+from benchctl.campaign.runner import Moment, Outcome, Progress, no_progress
 from benchctl.diagnosis.result import Part
 from benchctl.plan import Plan, Procedure
 from benchctl.plan.find import find_procedure
@@ -164,7 +164,7 @@ def run(
     *,
     out: str | PathLike[str] | None = None,
     seed: int | None = None,
-    progress: Progress = nobody,
+    progress: Progress = no_progress,
     wires: bool = True,
     check: bool = True,
 ) -> Outcome:
@@ -223,7 +223,7 @@ def resume(
     bench: Bench | str | PathLike[str] = SIMULATED,
     *,
     seed: int | None = None,
-    progress: Progress = nobody,
+    progress: Progress = no_progress,
     wires: bool = True,
     check: bool = True,
 ) -> Outcome:
@@ -260,7 +260,7 @@ def simulate(
     *,
     model: str | PathLike[str] | None = None,
     seed: int | None = None,
-    progress: Progress = nobody,
+    progress: Progress = no_progress,
 ) -> Outcome:
     """Record a plan on a simulated bench without the instrument protocols; only the file `output` is written.
 

@@ -69,7 +69,7 @@ class FitResult:
         return float(self.values["K0_v_per_dps"])
 
     @property
-    def U0_v(self) -> float:  # noqa: N802
+    def U0_v(self) -> float:  # noqa: N802 - as above
         """Offset of the last stage."""
         return float(self.values["U0_v"])
 

@@ -20,7 +20,7 @@ from benchctl.campaign.guard.keeper import guarded
 from benchctl.campaign.hands import AnsweringHands, Answers, Question, questions
 from benchctl.campaign.opened import OpenBench, open_bench
 from benchctl.campaign.resume import Past, past_of, steps_to_play, whole_steps
-from benchctl.campaign.runner import AbortedError, Outcome, Progress, nobody, run_campaign
+from benchctl.campaign.runner import AbortedError, Outcome, Progress, no_progress, run_campaign
 from benchctl.campaign.safety import SafeState
 from benchctl.campaign.stop import forget_stale_stop, forget_stop, heed_file, stop_on_signals
 from benchctl.model_file import read_model
@@ -30,7 +30,7 @@ from benchctl.recordings.recover import recover
 from benchctl.recordings.schema import JOURNAL, RECORDING
 from benchctl_instruments.errors import UsageError
 
-_UNWATCHED: AbstractContextManager[Progress] = nullcontext(nobody)
+_UNWATCHED: AbstractContextManager[Progress] = nullcontext(no_progress)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

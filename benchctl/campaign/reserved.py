@@ -23,6 +23,7 @@ from benchctl.locks import held
 from benchctl_instruments.errors import UsageError, reason
 from benchctl_instruments.links.address import parse_address
 
+# S108: a lock is shared by all users, so its folder is a public one
 LOCK_PLACES = tuple(map(Path, ("C:/ProgramData",) if os.name == "nt" else ("/run/lock", "/var/lock", "/tmp")))  # noqa: S108
 """Possible parents of the lock folder: the first in which every user may create one is used. Not tested on Windows."""
 

@@ -53,7 +53,7 @@ class Progress(Protocol):
         """Receive the present state of the run."""
 
 
-def nobody(moment: Moment) -> None:
+def no_progress(moment: Moment) -> None:
     """A listener that does nothing."""
 
 
@@ -100,7 +100,7 @@ def run_campaign(
     folder: Path,
     *,
     stop: StopRequest | None = None,
-    progress: Progress = nobody,
+    progress: Progress = no_progress,
     guard: Guard | None = None,
     past: Past | None = None,
 ) -> Outcome:

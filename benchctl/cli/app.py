@@ -39,6 +39,7 @@ def _keep_memory() -> None:
     if not sys.platform.startswith("linux"):
         return
     if any(name not in os.environ for name in _KEEP_MEMORY):
+        # S606: this very program, without a shell
         os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], {**_KEEP_MEMORY, **os.environ})  # noqa: S606
     for name in _KEEP_MEMORY:  # child processes do not inherit it
         del os.environ[name]

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import IO, cast
 
-from benchctl.campaign.runner import Moment, Progress, nobody
+from benchctl.campaign.runner import Moment, Progress, no_progress
 from benchctl.cli.messages import duration, let_go
 
 REDRAW_S = 0.1
@@ -84,7 +84,7 @@ def live_progress(quiet: bool) -> Iterator[Progress]:
     """Yield a callback that shows the progress of a run; it does nothing if quiet or stderr is not a terminal."""
     with progress_bar("opening the bench", quiet) as draw:
         if draw is None:
-            yield nobody
+            yield no_progress
             return
 
         def show(moment: Moment) -> None:

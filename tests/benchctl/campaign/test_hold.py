@@ -12,7 +12,7 @@ import pytest
 
 from benchctl.bench import Interlock, load_bench
 from benchctl.campaign.opened import OpenBench, open_bench
-from benchctl.campaign.runner import Moment, Outcome, nobody, run_campaign
+from benchctl.campaign.runner import Moment, Outcome, no_progress, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.reader import open_recording
@@ -167,7 +167,7 @@ def test_what_the_chamber_says_is_held_against_interlocks_too(
 def test_without_interlocks_nothing_is_looked_at_between_steps(tmp_path: Path) -> None:
     def recorded(name: str, *interlocks: Interlock) -> list[float]:
         with bench_with(*interlocks) as opened:
-            outcome = run_campaign(_plan(TURN), opened, tmp_path / name, progress=nobody)
+            outcome = run_campaign(_plan(TURN), opened, tmp_path / name, progress=no_progress)
         with open_recording(outcome.recording) as recording:
             return [float(value) for value in recording.step(1)["gyro_v"]]
 
