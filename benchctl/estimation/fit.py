@@ -46,7 +46,7 @@ def inverse(information: FloatArray) -> FloatArray:
     return np.asarray(inverted * np.outer(scale, scale))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
     """A fitted model. `residual` (n,) is measured minus predicted; `white` is the whitened residual.
 
@@ -152,6 +152,8 @@ def fit(
     rows without the last effect; its derivatives are reused because one small effect hardly changes them.
     Levenberg-Marquardt damping is applied only if a full step does not reduce the sum of squares.
     """
+    if near is not None and near.whitener is not whitener:
+        near = fit(problem, whitener, near, near.fitted, rounds=0)
     point = start.point if isinstance(start, Fit) else start
     numbers = tuple(point.free(problem.baseline_names, problem.baseline_bounds))
     predicted = start.predicted if isinstance(start, Fit) else problem.predict(point.baseline, point.effects)
@@ -159,12 +161,13 @@ def fit(
     spectrum = problem.spectral_residual(point.baseline, point.effects)
     squares = float(squares_of(problem, white, spectrum)[fitted].sum())
     if isinstance(start, Fit):
-        taken, turned = start.raw_derivatives, start.spectral.derivatives
+        raw, derivatives = _whitened(whitener, start.raw_derivatives)
+        turned = start.spectral.derivatives
     else:
-        taken, turned = _derivatives(problem, point, numbers, predicted, spectrum, near)
-    raw, derivatives = _whitened(whitener, taken)
+        raw, derivatives, turned = _derivatives(problem, whitener, point, numbers, predicted, spectrum, near)
     spectral = Spectral(residual=spectrum, derivatives=turned)
-    products = products_of(problem, derivatives, white, whitener, spectral)
+    known = None if near is None else near.products
+    products = products_of(problem, derivatives, white, whitener, spectral, known)
     linear = near is not None and all(_is_size(number) for number in numbers[len(near.numbers) :])
     damping = 0.0
     for _ in range(rounds):
@@ -194,11 +197,10 @@ def fit(
             if close or gained < _CLOSE:
                 break
             continue
-        del taken, raw, derivatives  # free the memory first: the new arrays are as large
-        taken, turned = _derivatives(problem, point, numbers, predicted, spectrum, near)
-        raw, derivatives = _whitened(whitener, taken)
+        del raw, derivatives  # free the memory first: the new arrays are as large
+        raw, derivatives, turned = _derivatives(problem, whitener, point, numbers, predicted, spectrum, near)
         spectral = Spectral(residual=spectrum, derivatives=turned)
-        products = products_of(problem, derivatives, white, whitener, spectral)
+        products = products_of(problem, derivatives, white, whitener, spectral, known)
         if gained < _CLOSE:
             break
     return Fit(
@@ -299,19 +301,44 @@ def _is_size(number: Free) -> bool:
 
 def _derivatives(
     problem: Problem,
+    whitener: Whitener,
     point: Point,
     numbers: tuple[Free, ...],
     predicted: FloatArray,
     spectrum: FloatArray,
     near: Fit | None,
+) -> tuple[FloatArray | None, FloatArray, FloatArray]:
+    """Return the derivatives by all parameters, those of `near` unchanged.
+
+    They are those of the prediction, shape (n, p), if the whitener has a filter, the whitened ones, and those of the
+    spectrum, shape (w, p).
+    """
+    taken, turned = _differences(problem, point, numbers, predicted, spectrum, 0 if near is None else len(near.numbers))
+    raw, white = _whitened(whitener, taken)
+    if near is None:
+        return raw, white, turned
+    raw = None if raw is None or near.unwhitened is None else _beside(near.unwhitened, raw)
+    return raw, _beside(near.derivatives, white), _beside(near.spectral.derivatives, turned)
+
+
+def _beside(known: FloatArray, more: FloatArray) -> FloatArray:
+    """Return columns (n, k) followed by more columns, each contiguous."""
+    both = np.empty((len(known), known.shape[1] + more.shape[1]), order="F")
+    both[:, : known.shape[1]], both[:, known.shape[1] :] = known, more
+    return both
+
+
+def _differences(
+    problem: Problem,
+    point: Point,
+    numbers: tuple[Free, ...],
+    predicted: FloatArray,
+    spectrum: FloatArray,
+    first: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives by all parameters, of the prediction, shape (n, p), and of the spectrum, shape (w, p)."""
-    derivatives = np.empty((predicted.size, len(numbers)), order="F")
-    turned = np.empty((spectrum.size, len(numbers)))
-    known = 0
-    if near is not None:
-        known = len(near.numbers)
-        derivatives[:, :known], turned[:, :known] = near.raw_derivatives, near.spectral.derivatives
+    """Return the derivatives by the parameters from `first` on: of the prediction, (n, k), and the spectrum, (w, k)."""
+    derivatives = np.empty((predicted.size, len(numbers) - first), order="F")
+    turned = np.empty((spectrum.size, len(numbers) - first))
     values = point.values(numbers)
 
     def fill(i: int) -> None:
@@ -324,12 +351,12 @@ def _derivatives(
             moved[i] -= 2 * nudge
             nudge = -nudge
             other = point.moved(numbers, moved)
-        column = derivatives[:, i]
+        column = derivatives[:, i - first]
         np.subtract(problem.predict(other.baseline, other.effects), predicted, out=column)
         column /= nudge
-        turned[:, i] = (spectrum - problem.spectral_residual(other.baseline, other.effects)) / nudge
+        turned[:, i - first] = (spectrum - problem.spectral_residual(other.baseline, other.effects)) / nudge
 
-    do_all(fill, range(known, len(numbers)))
+    do_all(fill, range(first, len(numbers)))
     return derivatives, turned
 
 

@@ -52,17 +52,29 @@ class Spectral:
 
 
 def products_of(
-    problem: Problem, derivatives: FloatArray, white: FloatArray, whitener: Whitener, spectral: Spectral
+    problem: Problem,
+    derivatives: FloatArray,
+    white: FloatArray,
+    whitener: Whitener,
+    spectral: Spectral,
+    known: Products | None = None,
 ) -> Products:
-    """Return the products per step of whitened derivatives (n, p) and residuals (n,)."""
-    extra = spectral.derivatives
-    information = _over_steps(problem, lambda rows: gram(derivatives[rows]))
-    empty = Products(
-        information=_added(problem, information, extra[:, :, None] * extra[:, None, :]),
-        gradient=np.zeros((0, derivatives.shape[1])),
-        squares=np.zeros(0),
-        rows=_over_steps(problem, lambda rows: float(np.count_nonzero(whitener.weight[rows]))),
-    )
+    """Return the products per step of whitened derivatives (n, p) and residuals (n,).
+
+    `known` are those of the first derivatives with each other, if they were computed before with the same whitener.
+    """
+    extra, many = spectral.derivatives, derivatives.shape[1]
+    first = 0 if known is None else known.gradient.shape[1]
+    new = _over_steps(problem, lambda rows: gram(derivatives[rows], first))
+    new = _added(problem, new, extra[:, :, None] * extra[:, None, first:])
+    if known is None:
+        information, rows = new, _over_steps(problem, lambda rows: float(np.count_nonzero(whitener.weight[rows])))
+    else:
+        information, rows = np.empty((len(new), many, many)), known.rows
+        information[:, :first, :first] = known.information
+        information[:, :, first:] = new
+        information[:, first:, :first] = new[:, :first].transpose(0, 2, 1)
+    empty = Products(information=information, gradient=np.zeros((0, many)), squares=np.zeros(0), rows=rows)
     return with_residual(problem, empty, derivatives, white, spectral)
 
 

@@ -27,12 +27,12 @@ def in_cache(rows: slice) -> Iterator[slice]:
         yield slice(first, min(first + _TOGETHER, rows.stop))
 
 
-def gram(columns: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return the products of columns (n, k) with each other, shape (k, k)."""
-    total = np.zeros((columns.shape[1], columns.shape[1]))
+def gram(columns: npt.NDArray[np.float64], first: int = 0) -> npt.NDArray[np.float64]:
+    """Return the products of columns (n, k) with those from `first` on, shape (k, k − first)."""
+    total = np.zeros((columns.shape[1], columns.shape[1] - first))
     for rows in in_cache(slice(0, len(columns))):
         # dot would let other threads work in parallel, but is several times slower for columns with large strides
-        total += columns[rows].T @ columns[rows]
+        total += columns[rows].T @ columns[rows, first:]
     return total
 
 

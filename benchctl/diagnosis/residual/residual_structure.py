@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -144,11 +145,24 @@ class View:
     rows: float
 
 
+_KNOWN: WeakKeyDictionary[Fitted, tuple[Whitens, int, ResidualStructure]] = WeakKeyDictionary()
+
+
 def residual_structure_of(problem: PartProblem, whitener: Whitens, fit: Fitted, *, seed: int = 0) -> ResidualStructure:
     """Return the structure of a fit's residual on the steps that it was fitted to.
 
-    If the whitener contains slow noise, a structure with white noise is tested first in its place.
+    If the whitener contains slow noise, a structure with white noise is tested first in its place. The last result for
+    a fit is kept as long as the fit, because several passes of a diagnosis ask for it.
     """
+    known = _KNOWN.get(fit)
+    if known is not None and known[0] is whitener and known[1] == seed:
+        return known[2]
+    found = _residual_structure_of(problem, whitener, fit, seed)
+    _KNOWN[fit] = whitener, seed, found
+    return found
+
+
+def _residual_structure_of(problem: PartProblem, whitener: Whitens, fit: Fitted, seed: int) -> ResidualStructure:
     weight = whitener.weight
     rows = fit.fitted[problem.step] & (weight > 0.0)
     white = ScoreTest(fit.white, fit.derivatives, rows)

@@ -21,7 +21,7 @@ from benchctl.diagnosis.residual.residual_structure import ResidualStructure, re
 from benchctl.diagnosis.search.select import may_be_nothing
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.search.subsets import CHANCE, evidence_beside, price_of, select_subset, stuck
-from benchctl.diagnosis.structures.scan import Along, Begun, everywhere
+from benchctl.diagnosis.structures.along import Along, Begun, everywhere
 from benchctl.diagnosis.structures.search import NEARLY, Modelled, few_of_each
 from benchctl.estimation.disturbance import beside_disturbance, deviance_near, with_disturbance
 from benchctl.estimation.fit import Fit, Point, fit, inverse

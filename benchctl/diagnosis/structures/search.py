@@ -11,6 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,7 +24,8 @@ from benchctl.diagnosis.search.pull import pull_of
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.select import reduced
 from benchctl.diagnosis.search.selection import Evidence, Selection
-from benchctl.diagnosis.structures.scan import Begun, Structurable, begun_everywhere, encoder_jumps
+from benchctl.diagnosis.structures.along import Begun
+from benchctl.diagnosis.structures.scan import Structurable, begun_everywhere, encoder_jumps
 from benchctl.estimation.fit import Fit, Point, fit, gain_of
 from benchctl.estimation.point import at_bound
 from benchctl.signals.blocks import block_starts
@@ -87,6 +89,7 @@ def modelled(
     smooth: bool = False,
     worth: float = 0.0,
     bare: Fit | None = None,
+    scan: Scan | None = None,
     seed: int,
 ) -> Modelled | None:
     """Return the selection with the residual modelled by at most `most` structures; None if no shape explains it.
@@ -94,8 +97,9 @@ def modelled(
     Shapes over the coordinates of the effects `apart_from` are not tried. Splines are tried only if `smooth` is set,
     one per kind of coordinate, because together they could follow anything. The first structure must gain at least
     `worth`. A small residual that may be due to an inexact shape is not modelled. `bare` is the fit without structures
-    if the selection already contains some.
+    if the selection already contains some. A `scan` of the selection can be shared by several searches.
     """
+    scan = Scan(problem, chosen) if scan is None else scan
     taken = {_kind(word) for effect in apart_from for word in _own(effect.coordinate)}
     found: list[Structure] = []
     ties: tuple[str, ...] = ()
@@ -109,17 +113,19 @@ def modelled(
         minor = bool(before) and is_owed(rest, max(explained, _as_gain(chosen, bare, rest)))
         curved = {_kind(one.over) for one in before if one.is_smooth} if smooth else {*_KINDS.values(), _MOTION}
         ruled_out = taken | (_followed(before) if minor else set())
-        candidates = _candidates(problem, chosen, ruled_out, curved, IMPERFECT**2 * explained)
+        candidates = scan.candidates(ruled_out, curved, IMPERFECT**2 * explained)
         if not candidates or (not found and max(one.gain for one in candidates) < worth):
             break
         best = _sharpened(problem, chosen, _simple_enough(problem, chosen, candidates, seed))
         ties = ties if found else _tied(best, candidates)
-        chosen = _with(problem, chosen, best.fit)
+        scan = scan.beside(best.fit)
+        chosen = scan.chosen
         first = found[:1]
         if any(type(one) is type(best.structure) for one in found):  # two of a kind have the same key
             found = [*found, best.structure]
         else:
             chosen, found = _pruned(problem, chosen, found, best.structure)
+            scan = scan if chosen is scan.chosen else Scan(problem, chosen)
         ties = ties if not first or found[0] is first[0] else ()
         rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
     if not found:
@@ -216,7 +222,8 @@ def _sharpened(problem: Structurable, chosen: Selection, best: _Candidate) -> _C
     for share in _SHARPER if "width" in best.structure.values and best.structure.is_stepped else ():
         values = best.structure.values
         begun = type(best.structure).make({**values, "width": share * values["width"]})
-        one = _fitted(problem, chosen, begun, 0.0)
+        fitted = _fitted(problem, chosen, begun)
+        one = None if fitted is None else _judged(problem, chosen, fitted, 0.0)
         if one is None or one.gain <= best.gain:
             break
         best = replace(one, evidence=best.evidence + one.gain - best.gain)
@@ -240,7 +247,8 @@ def with_jumps(problem: GyroProblem, chosen: Selection) -> tuple[Selection, tupl
                 chosen = held
                 found.append(begun)
             continue
-        one = _fitted(problem, chosen, begun, looked)
+        fitted = _fitted(problem, chosen, begun)
+        one = None if fitted is None else _judged(problem, chosen, fitted, looked)
         if one is not None:
             chosen = _with(problem, chosen, one.fit)
             found.append(one.structure)
@@ -296,27 +304,65 @@ def _own(coordinate: str) -> list[str]:
     return [word for word in words if word != "rate"] or words
 
 
-def _candidates(
-    problem: Structurable, chosen: Selection, taken: set[str], curved: set[str], missed: float
-) -> list[_Candidate]:
-    """Return models with one additional structure that also hold on held-out steps.
+class Scan:
+    """Models with one more structure beside a selection. What was computed for one search serves the next."""
 
-    Coordinates of the kinds in `taken` are excluded, splines also over the kinds in `curved`. A gain up to `missed` may
-    be due to inexact earlier structures.
-    """
-    pulls = (pull_of(problem, chosen.whitener, one) for one in (chosen.after, chosen.whole))
-    begun = begun_everywhere(problem, *pulls)
-    begun = [one for one in begun if _kind(one.effect.over) not in taken | (curved if one.effect.is_smooth else set())]
-    looked = 2.0 * math.log(max(sum(one.places for one in begun), 1.0)) + missed
-    price = math.log(chosen.after.rows)
+    def __init__(self, problem: Structurable, chosen: Selection) -> None:
+        self.chosen = chosen
+        self._problem = problem
+        self._refined: dict[str, Begun] = {}
+        self._fits: dict[str, Fit | None] = {}
+        self._beside: dict[tuple[str, ...], Scan] = {}
 
-    def worth(one: Begun) -> float:
-        return one.promise - len(one.effect.parameters) * price
+    def candidates(self, taken: set[str], curved: set[str], missed: float) -> list[_Candidate]:
+        """Return models with one additional structure that also hold on held-out steps.
 
-    best = sorted(begun, key=worth, reverse=True)[:_REFINED]
-    ranked = sorted((one.refined() for one in best), key=worth, reverse=True)
-    fitted = (_fitted(problem, chosen, one.effect, looked) for one in few_of_each(ranked))
-    return [one for one in fitted if one is not None]
+        Coordinates of the kinds in `taken` are excluded, splines also over the kinds in `curved`. A gain up to `missed`
+        may be due to inexact earlier structures.
+        """
+        allowed = [
+            one
+            for one in self._begun
+            if _kind(one.effect.over) not in taken | (curved if one.effect.is_smooth else set())
+        ]
+        looked = 2.0 * math.log(max(sum(one.places for one in allowed), 1.0)) + missed
+        price = math.log(self.chosen.after.rows)
+
+        def worth(one: Begun) -> float:
+            return one.promise - len(one.effect.parameters) * price
+
+        best = sorted(allowed, key=worth, reverse=True)[:_REFINED]
+        ranked = sorted((self._refine(one) for one in best), key=worth, reverse=True)
+        fits = (self._fit(one.effect) for one in few_of_each(ranked))
+        judged = (_judged(self._problem, self.chosen, one, looked) for one in fits if one is not None)
+        return [one for one in judged if one is not None]
+
+    def beside(self, after: Fit) -> Scan:
+        """Return the scan of the selection with the structure that `after` has as its last effect."""
+        added = after.point.effects[-1]
+        key = added.identifier, *map(repr, added.values.values())
+        if key not in self._beside:
+            self._beside[key] = Scan(self._problem, _with(self._problem, self.chosen, after))
+        return self._beside[key]
+
+    @cached_property
+    def _begun(self) -> list[Begun]:
+        chosen = self.chosen
+        pulls = (pull_of(self._problem, chosen.whitener, one) for one in (chosen.after, chosen.whole))
+        return begun_everywhere(self._problem, *pulls)
+
+    def _refine(self, begun: Begun) -> Begun:
+        key = begun.effect.identifier
+        if key not in self._refined:
+            self._refined[key] = begun.refined()
+        return self._refined[key]
+
+    def _fit(self, begun: Structure) -> Fit | None:
+        key = begun.identifier
+        if key not in self._fits:
+            fitted = _fitted(self._problem, self.chosen, begun)
+            self._fits[key] = None if fitted is None else fitted.light
+        return self._fits[key]
 
 
 def few_of_each(ranked: Sequence[Begun]) -> Iterator[Begun]:
@@ -337,8 +383,8 @@ def few_of_each(ranked: Sequence[Begun]) -> Iterator[Begun]:
         yield one
 
 
-def _fitted(problem: Structurable, chosen: Selection, begun: Structure, looked: float) -> _Candidate | None:
-    """Fit the model with a structure; return None if it fails a test, also on held-out steps."""
+def _fitted(problem: Structurable, chosen: Selection, begun: Structure) -> Fit | None:
+    """Fit the model with a structure; return None if it ends at a bound."""
     present = chosen.after
     # sizes and all other parameters first, with fixed places: the places are better fitted from there
     there = replace(present.point, effects=(*present.point.effects, unmoved(begun, ("shape",))))
@@ -354,10 +400,14 @@ def _fitted(problem: Structurable, chosen: Selection, begun: Structure, looked: 
     if instant:
         then = replace(start, effects=(*start.effects[:-1], unmoved(added, ("shape",))))
         one = fit(problem, chosen.whitener, then, present.fitted, near=present)
-    if at_bound(added) and not added.is_sharp:
-        return None
+    return None if at_bound(added) and not added.is_sharp else one
+
+
+def _judged(problem: Structurable, chosen: Selection, one: Fit, looked: float) -> _Candidate | None:
+    """Return the candidate if it passes the tests, also on held-out steps, else None."""
+    present, held = chosen.after, chosen.heldout
     gain = gain_of(one, present)
-    evidence = gain - len(begun.parameters) * math.log(one.rows) - looked
+    evidence = gain - len(one.point.effects[-1].parameters) * math.log(one.rows) - looked
     starts = block_starts(one.white.size)
     rows = one.fitted[problem.step]
     if gain / scatter((present.white - one.white) * rows, present.white * rows, starts) - looked < chosen.least:

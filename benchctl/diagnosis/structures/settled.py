@@ -18,7 +18,7 @@ from benchctl.diagnosis.residual.score_test import ScoreTest
 from benchctl.diagnosis.search.select import reduced, select, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.scan import Structurable
-from benchctl.diagnosis.structures.search import Modelled, modelled
+from benchctl.diagnosis.structures.search import Modelled, Scan, modelled
 from benchctl.estimation.fit import Point, fit, gain_of
 from benchctl.estimation.noise import Noisy
 from benchctl.estimation.noise_model import NoiseModel
@@ -107,10 +107,11 @@ def _in_turns(problem: DriveProblem, chosen: Selection, seed: int) -> Modelled |
         chosen = found.chosen
     names = reduced(problem, chosen, structures_of(chosen))
     rest = residual_structure_of(problem, names.whitener, names.after, seed=seed)
+    scan = Scan(problem, names)
     for smooth in (False, True):
         if smooth and found is not None and not found.left.significant:
             break
-        anew = modelled(problem, names, rest, most=_STEPS, smooth=smooth, seed=seed)
+        anew = modelled(problem, names, rest, most=_STEPS, smooth=smooth, scan=scan, seed=seed)
         both = [found, None if anew is None else _with_names(problem, anew, seed)]
         found = min((one for one in both if one is not None), key=_worth, default=None)
     return found
@@ -219,11 +220,11 @@ def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed
     for _ in range(_STEPS):
         worth = _BEGUN * gain if wandering and not structures else 0.0
         bare = less.after if structures else None
-        found = None
+        found, scan = None, Scan(problem, chosen)
         if rest.significant:
-            found = modelled(problem, chosen, rest, most=1, worth=worth, bare=bare, seed=seed)
+            found = modelled(problem, chosen, rest, most=1, worth=worth, bare=bare, scan=scan, seed=seed)
         if found is None and rest.significant and not (wandering or structures):
-            found = modelled(problem, chosen, rest, most=1, smooth=True, seed=seed)
+            found = modelled(problem, chosen, rest, most=1, smooth=True, scan=scan, seed=seed)
         if found is None:
             break
         chosen, rest, structures = found.chosen, found.left, (*structures, *found.structures)

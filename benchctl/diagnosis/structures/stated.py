@@ -24,7 +24,7 @@ from benchctl.diagnosis.stepped import PartProblem
 from benchctl.diagnosis.structures.heat import heat_modelled, left_beside
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.scan import Structurable, coordinates_of, factors_of
-from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
+from benchctl.diagnosis.structures.search import Modelled, Scan, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import (
     CLEARLY,
     as_one_curve,
@@ -213,8 +213,9 @@ def _modelled(
     findings = () if unexplained.significant else chosen.after.point.effects
     named = tuple(one for one in findings if not isinstance(one, Structure))
     best: Modelled | None = None
+    scan = Scan(problem, chosen)
     for smooth in (False, True):
-        found = modelled(problem, chosen, rest, apart_from=named, smooth=smooth, seed=seed)
+        found = modelled(problem, chosen, rest, apart_from=named, smooth=smooth, scan=scan, seed=seed)
         if found is None:
             continue
         if not found.left.significant or is_owed(found.left, gain_of(found.chosen.after, chosen.after)):

@@ -33,7 +33,7 @@ N = 40000
 DT = 0.01
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Filtered:
     """A whitener for white noise with a random walk of so much of it a sample; 0 for none."""
 
