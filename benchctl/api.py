@@ -386,16 +386,18 @@ def accept(
     *,
     out: str | PathLike[str] | None = None,
     language: str = "en",
+    sign: str | PathLike[str] | None = None,
 ) -> Accepted:
     """Measure the gyro's characteristics from a recording and judge them by a file of limits.
 
     `acceptance.html`, `.pdf`, `.xml` (JUnit) and `.json` are written to `out`, if given; `language` is that of the
-    report, `en` or `ru`.
+    report, `en` or `ru`. With `sign`, the path of an OpenSSH Ed25519 key, the report is signed, as by
+    `benchctl accept --sign`; a passphrase comes from `$BENCHCTL_PASSPHRASE`.
 
     Raises
     ------
     UsageError
-        If the recording cannot be read or was changed, the limits cannot be used, or nothing can be written.
+        If the recording cannot be read or was changed, the limits or the key cannot be used, or nothing can be written.
 
     Examples
     --------
@@ -406,8 +408,11 @@ def accept(
     """
     if language not in ("en", "ru"):
         raise UsageError(f"language {language!r}: expected en or ru")
+    if sign is not None and out is None:
+        raise UsageError("sign: there is no report to sign; name a folder for it with out")
+    key = None if sign is None else accepting.signing_key(Path(sign))
     found = accepting.accept(_path_of(recording), Path(limits), language=language)
-    return found if out is None else found.write(Path(out))
+    return found if out is None else found.write(Path(out), key)
 
 
 def allan(

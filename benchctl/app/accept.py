@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,10 @@ from benchctl.recordings.verify import opened_unchanged
 from benchctl.reports.acceptance.build import tally
 from benchctl.reports.acceptance.catalogue import catalogue, limits, stated, verdict_of
 from benchctl.reports.acceptance.set_up import RecordingFacts, facts_of
+from benchctl.reports.acceptance.signed import refuse_unsignable, write_signed
 from benchctl.reports.acceptance.write import values, write_acceptance
+from benchctl.sshsig import SigningKey, read_signing_key
+from benchctl_instruments.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +29,7 @@ class Accepted:
     """An acceptance and the facts of its recording; `print` shows the text of `benchctl accept`.
 
     `language` is that of text and report. `files` are the paths of `report`, `pdf`, `junit` and `json`, if they were
-    written.
+    written, and of `statement` and `signature`, if they were signed.
     """
 
     acceptance: Acceptance = field(repr=False)
@@ -53,13 +57,19 @@ class Accepted:
         """Return the data for `--json`."""
         return values(self.acceptance, self.facts)
 
-    def write(self, folder: Path) -> Accepted:
-        """Write the report into a folder and its manifest, and return the acceptance with the paths.
+    def write(self, folder: Path, key: SigningKey | None = None) -> Accepted:
+        """Write the report into a folder and its manifest, sign it, and return the acceptance with the paths.
 
-        Raises as `write_acceptance` does.
+        Raises as `write_acceptance` does, and `UsageError` if there is a `key` and the recording cannot be signed.
         """
-        files = write_acceptance(self.acceptance, self.facts, folder, self.language)
+        if key is not None:
+            refuse_unsignable(folder, self.facts)
+        files = write_acceptance(self.acceptance, self.facts, folder, self.language, key)
         add_to_manifest(folder, files.values())
+        if key is not None:
+            signed = write_signed(folder, self.acceptance, self.facts, files.values(), key)
+            add_to_manifest(folder, signed.values())
+            files |= signed
         return replace(self, files=files)
 
     @property
@@ -84,6 +94,25 @@ def accept(path: Path, limits: Limits | Path, *, language: str = "en") -> Accept
     with opened_unchanged([path], "accepted") as (recording,):
         found = Accepted(acceptance=accepted(recording, read), facts=facts_of(recording), language=language)
     return found
+
+
+_VARIABLE = "BENCHCTL_PASSPHRASE"
+
+
+def signing_key(path: Path, ask: Callable[[], str] | None = None) -> SigningKey:
+    """Read an OpenSSH key; its passphrase, if it has one, comes from `$BENCHCTL_PASSPHRASE`, or from `ask`.
+
+    Raises as `read_signing_key` does, and `UsageError` if the passphrase is needed and comes from neither.
+    """
+
+    def passphrase() -> str:
+        if (given := os.environ.get(_VARIABLE)) is not None:
+            return given
+        if ask is None:
+            raise UsageError(f"key {path}: needs its passphrase, there is no terminal to ask at; set {_VARIABLE}")
+        return ask()
+
+    return read_signing_key(path, passphrase)
 
 
 _WIDEST = 120

@@ -27,7 +27,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "For quality assurance": {
         "accept": "the tests of a gyro with limits: verdicts, report, JUnit",
-        "verify": "check that a recording or campaign is unchanged",
+        "verify": "check that a recording or campaign is unchanged, and who signed it",
         "history": "units over time, and compared with each other",
     },
     "For programs and CI": {

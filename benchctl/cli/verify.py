@@ -1,8 +1,9 @@
-"""`benchctl verify`: check that nothing has changed since it was written."""
+"""`benchctl verify`: check that nothing has changed since it was written, and by whom it was signed."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -12,31 +13,30 @@ from benchctl.cli.output import JsonOption, QuietOption, RecordingArgument, resu
 
 def verify(
     recording: RecordingArgument,
+    signers: Annotated[
+        Path | None,
+        typer.Option("--signers", metavar="FILE", help="The keys that you accept, as OpenSSH's allowed_signers."),
+    ] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Check digests; list every changed channel, attribute, step and campaign file; exit status 1 if there are any.
 
-    Example: `benchctl verify results/20261120-180000_two_stage_SIM-0001`, `benchctl verify recording.h5`
+    If the acceptance was signed, also check its signature, and print by whom and with which key. With `--signers`, a
+    missing signature and one by another key are exit status 1 too. The folder of a signed report can be checked alone.
+
+    Example: `benchctl verify results/20261120-180000_two_stage_SIM-0001`, `benchctl verify recording.h5`,
+    `benchctl verify delivered/SN-17 --signers lab/allowed_signers`
     """
-    from benchctl.recordings.campaign_manifest import manifest_digest
-    from benchctl.recordings.verify import verify as problems_of
+    from benchctl.app.verify import verify as verified_of
 
     with result_of("verify", json_to, quiet) as result:
-        problems = [str(problem) for problem in problems_of(recording)]
-        campaign = manifest_digest(recording)
-        result.values |= {"recording": recording, "problems": problems, "campaign_digest": campaign}
-        if not problems:
-            result.say(f"{recording}: nothing changed since it was written{_reach(recording, campaign)}")
+        verified = verified_of(recording, signers=signers)
+        result.values |= verified.values()
+        if not verified.problems:
+            result.say(str(verified))
             return
-        result.ok, result.error = False, problems[0]
-        for problem in problems:
+        result.ok, result.error = False, verified.problems[0]
+        for problem in verified.problems:
             tell(f"benchctl: {recording}: {problem}", err=True)
         raise typer.Exit(1)
-
-
-def _reach(path: Path, campaign: str | None) -> str:
-    """Return a text that states the extent of the check of a campaign's folder."""
-    if campaign is not None:
-        return f"; campaign digest {campaign}"
-    return " (its steps; the campaign is not closed, and so has no manifest yet)" if path.is_dir() else ""

@@ -13,13 +13,15 @@ from benchctl.reports.acceptance.catalogue import Catalogue, catalogue, limits, 
 from benchctl.reports.acceptance.document import TESTS_SECTION, Badge, Report, SummaryRow, Table
 from benchctl.reports.acceptance.sections import anchor, badge, section
 from benchctl.reports.acceptance.set_up import RecordingFacts
+from benchctl.reports.acceptance.signed import SIGNATURE
 from benchctl.reports.verdict import is_simulated
+from benchctl.sshsig import SigningKey
 
 _LONGEST_NAME = 120
 
 
-def report_of(acceptance: Acceptance, facts: RecordingFacts, language: str) -> Report:
-    """Return the report in one language; raises `UsageError` for an unsupported language."""
+def report_of(acceptance: Acceptance, facts: RecordingFacts, language: str, key: SigningKey | None = None) -> Report:
+    """Return the report in one language, to be signed by `key`; raises `UsageError` for an unsupported language."""
     words = catalogue(language)
     serial = cut(facts.meta.unit.serial, _LONGEST_NAME)
     infos = {info.index: info for info in facts.infos}
@@ -48,6 +50,7 @@ def report_of(acceptance: Acceptance, facts: RecordingFacts, language: str) -> R
         anomalies=tuple(words.said(one) for one in acceptance.anomalies),
         deviations=set_up.deviations(facts, words),
         coefficients=tuple(replace(one, stated=words.number(one.stated)) for one in facts.coefficients),
+        signed=_signed(key, words) if key else "",
         traceability=set_up.traceability(acceptance, facts, words),
         steps=set_up.step_table(acceptance, facts, words),
     )
@@ -67,6 +70,11 @@ def tally(acceptance: Acceptance, words: Catalogue) -> str:
         free=str(len(free) - refused),
         refused=str(refused),
     )
+
+
+def _signed(key: SigningKey, words: Catalogue) -> str:
+    name = cut(key.name, _LONGEST_NAME)
+    return words.label("signed", name=name, fingerprint=key.public.fingerprint, file=SIGNATURE)
 
 
 def _named(one: Judged, words: Catalogue) -> str:

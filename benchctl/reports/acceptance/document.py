@@ -97,7 +97,10 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """The complete report, in the order of its sections; a table without rows is omitted."""
+    """The complete report, in the order of its sections; a table without rows is omitted.
+
+    `signed` states the key by which the report is signed; empty if it is not signed electronically.
+    """
 
     language: str
     title: str
@@ -118,6 +121,7 @@ class Report:
     anomalies: tuple[str, ...]
     deviations: tuple[str, ...]
     coefficients: tuple[Coefficient, ...]
+    signed: str
     traceability: tuple[Row, ...]
     steps: Table
 

@@ -157,6 +157,9 @@ def _rest(sheet: Sheet, report: Report, words: Catalogue) -> None:
         ("", *(words.label(key) for key in ("name", "signature", "date"))),
         [words.label(role) for role in ("tested_by", "approved_by")],
     )
+    if report.signed:
+        sheet.blank_line()
+        sheet.text_block(report.signed)
 
 
 def _appendix(sheet: Sheet, report: Report, words: Catalogue) -> None:

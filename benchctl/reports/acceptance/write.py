@@ -23,6 +23,7 @@ from benchctl.reports.acceptance.pdf import pdf
 from benchctl.reports.acceptance.set_up import RecordingFacts
 from benchctl.reports.html import render
 from benchctl.reports.results import make_folder
+from benchctl.sshsig import SigningKey
 
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML 1.0 cannot contain, even escaped."""
@@ -202,18 +203,19 @@ PAGE, PDF, JUNIT, JSON = "acceptance.html", "acceptance.pdf", "acceptance.xml", 
 
 
 def write_acceptance(
-    acceptance: Acceptance, facts: RecordingFacts, folder: Path, language: str = "en"
+    acceptance: Acceptance, facts: RecordingFacts, folder: Path, language: str = "en", key: SigningKey | None = None
 ) -> dict[str, Path]:
     """Write the four files; return their paths by `report`, `pdf`, `junit` and `json`.
 
     Page and PDF are in `language`, JUnit XML and JSON in English. All four are created before the first is written.
+    Page and PDF state the `key` by which they will be signed, if any; nothing is signed here.
 
     Raises
     ------
     UsageError
         If the language is not supported, or a file cannot be written.
     """
-    report = report_of(acceptance, facts, language)
+    report = report_of(acceptance, facts, language, key)
     document = json.dumps(
         {"schema": SCHEMA, **values(acceptance, facts)}, indent=1, ensure_ascii=False, allow_nan=False
     )
