@@ -12,6 +12,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 from benchctl.certificates import Certificate, ChamberCertificate, DigitizerCertificate, RateTableCertificate
 from benchctl.limits import HIGHEST_RATE_HZ, MOST_COUNTS_PER_REV
 from benchctl.model_file import Model
+from benchctl.notifications import Notify, without_secrets
 from benchctl.tables import Table
 from benchctl.toml_file import line_of, named_place, parse_toml, read_text
 from benchctl.units import quantity, unit_stated
@@ -364,6 +365,11 @@ class Bench(Table):
     interlocks: tuple[Interlock, ...] = Field(
         default=(), description="Limits of your own on what is measured, and what happens beyond."
     )
+    notify: Notify | None = Field(
+        default=None,
+        title="Messages",
+        description="Who gets a message on mail or chat when a run ends or needs somebody.",
+    )
     site: Site = Field(default=Site(), description="Location of the bench, for the Earth's rate.")
     rate_table: RateTableEntry = Field(description="The rate table, its driver, address and certificate.")
     chamber: ChamberEntry = Field(description="The climate chamber, its driver, address and certificate.")
@@ -412,7 +418,7 @@ class Bench(Table):
 
     @property
     def text(self) -> str:
-        """The text of the file as it was read."""
+        """The text of the file as it was read, with the URLs of `[notify]` masked."""
         return self._text
 
     @property
@@ -440,6 +446,10 @@ class Bench(Table):
     def with_seed(self, seed: int | None) -> Bench:
         """Return the same bench with another seed of its simulated physics."""
         return self if seed is None else self.model_copy(update={"physics": {**self.physics, "seed": seed}})
+
+    def silent(self) -> Bench:
+        """Return the same bench without messages to anybody."""
+        return self.model_copy(update={"notify": None})
 
     def obeying(self, model: Model) -> Bench:
         """Return the same bench with the physics and effects of a model, whose gyro also becomes the lab's model."""
@@ -480,7 +490,11 @@ def load_bench(source: str) -> Bench:
 
 def bench_of_text(text: str, name: str, chamber_profile: str = "") -> Bench:
     """Return the bench of a text and of the text of its chamber's profile; raise the same errors as `parse_toml`."""
-    return parse_toml(text, Bench, name).read_from(text, chamber_profile)
+    bench = parse_toml(text, Bench, name)
+    try:
+        return bench.read_from(without_secrets(text, bench.notify), chamber_profile)
+    except UsageError as err:
+        raise UsageError(f"{name}, line {line_of(text, named_place(str(err)))}: {err}") from err
 
 
 def _with_profile(bench: Bench, folder: Path, name: str) -> Bench:

@@ -73,7 +73,8 @@ def recorded_bench(meta: Meta, whose: str) -> Bench:
     text = provenance.get("bench_toml", "")
     bench = bench_of_text(text, f"the bench.toml of {whose}", provenance.get("chamber_profile", ""))
     obeyed = {name: table_of(meta, f"bench_{name}", whose) for name in ("physics", "effects")}
-    return bench.model_copy(update={name: table for name, table in obeyed.items() if provenance.get(f"bench_{name}")})
+    stored = {name: table for name, table in obeyed.items() if provenance.get(f"bench_{name}")}
+    return bench.silent().model_copy(update=stored)  # the URLs of its messages are masked
 
 
 def table_of(meta: Meta, name: str, whose: str) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from benchctl.campaign.opened import another_day, open_bench
 from benchctl.campaign.resume import PLAIN_SOAK_S, elapsed_s, past_of, soak_before, steps_to_play
 from benchctl.campaign.runner import Moment, Outcome, run_campaign
 from benchctl.campaign.stop import StopRequest
+from benchctl.notifications import Notify
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.digests import seal_recording
 from benchctl.recordings.model import StepInfo
@@ -310,8 +311,11 @@ def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_who_runs_it_and_how_it_is_reached_and_watched_may_change(interrupted: Path) -> None:
     bench = _bench(
-        operator="somebody else", name="the bench", rate_table={"address": "tcp://x:1"}, limits={"silence_s": 3.0}
-    )
+        operator="somebody else",
+        name="the bench",
+        rate_table={"address": "tcp://x:1"},
+        limits={"silence_s": 3.0},
+    ).model_copy(update={"notify": Notify.model_validate({"urls": ["json://127.0.0.1:9"]})})
     with past_of(interrupted, PLAN, bench) as past:
         assert past.first == 3
 
