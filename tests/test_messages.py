@@ -222,6 +222,7 @@ WRONG = {
     "run: a seed below 0": ["run", "static", "--bench", "simulated", "--seed", "-1"],
     "serve: no such port": ["serve", "--port", "99999"],
     "recover: no campaign": ["recover", "empty"],
+    "notify: no recipients": ["notify", "--test", "--bench", "simulated"],
     "show: no file": ["show", "nowhere.h5"],
     "show: no HDF5": ["show", "text.h5"],
     "show: cut short": ["show", "cut.h5"],

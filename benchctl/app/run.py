@@ -8,11 +8,12 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
 
+from benchctl.app.notify import messages_about
 from benchctl.atomic import refuse_existing, refuse_folder
 from benchctl.bench import Bench, load_bench
 from benchctl.campaign.check import expiring, refuse_problems
@@ -26,6 +27,7 @@ from benchctl.campaign.stop import forget_stale_stop, forget_stop, heed_file, st
 from benchctl.model_file import read_model
 from benchctl.plan import Plan
 from benchctl.recordings.campaign_manifest import write_manifest
+from benchctl.recordings.journal import append_event
 from benchctl.recordings.recover import recover
 from benchctl.recordings.schema import JOURNAL, RECORDING
 from benchctl_instruments.errors import UsageError
@@ -37,8 +39,9 @@ _UNWATCHED: AbstractContextManager[Progress] = nullcontext(no_progress)
 class Watch:
     """How a run is followed.
 
-    `warn` receives, before the run, the certificates that expire too early, and, at the end, a failure to write the
-    folder's manifest. `progress` is entered once the bench is open. `deaf_after` is as in `stop_on_signals`.
+    `warn` receives, before the run, the certificates that expire too early and recipients of messages that cannot be
+    used, and, at the end, a failure to write the folder's manifest and messages that were not delivered. `progress` is
+    entered once the bench is open. `deaf_after` is as in `stop_on_signals`.
     """
 
     warn: Callable[[str], None]
@@ -77,7 +80,7 @@ def play(
     """Run a plan on a bench, or resume the campaign `past`, obeying signals and the live page.
 
     The folder's manifest is written once everything is closed. `answers` replace an operator's answers. `wires` is as
-    in `open_bench`.
+    in `open_bench`; without them no messages are sent.
 
     Raises
     ------
@@ -94,19 +97,27 @@ def play(
     elapsed_s = past.elapsed_s if past else 0.0
     if past is not None:
         forget_stale_stop(folder)
-    with (
-        stop_on_signals(deaf_after=watch.deaf_after) as stop,
-        guarded(bench, folder / JOURNAL) as guard,
-        open_bench(bench, wires=wires, elapsed_s=elapsed_s, purpose=f"campaign {folder.absolute()}") as opened,
-        watch.progress as progress,
-    ):
-        heed_file(stop, folder)
-        if answers is not None:
-            then = opened.hands if bench.simulated else None
-            opened = replace(opened, hands=AnsweringHands(answers, bench.unit.serial, then))
-        outcome = run_campaign(plan, opened, folder, stop=stop, progress=progress, guard=guard, past=past)
-    forget_stop(folder)
-    _seal(outcome, watch.warn)
+    with messages_about(plan, bench if wires else bench.silent(), folder, watch.warn) as messenger:
+        with (
+            stop_on_signals(deaf_after=watch.deaf_after) as stop,
+            guarded(bench, folder / JOURNAL) as guard,
+            open_bench(bench, wires=wires, elapsed_s=elapsed_s, purpose=f"campaign {folder.absolute()}") as opened,
+            watch.progress as progress,
+        ):
+            heed_file(stop, folder)
+            if answers is not None:
+                then = opened.hands if bench.simulated else None
+                opened = replace(opened, hands=AnsweringHands(answers, bench.unit.serial, then))
+            outcome = run_campaign(
+                plan, opened, folder, stop=stop, progress=progress, listener=messenger.hear, guard=guard, past=past
+            )
+        forget_stop(folder)
+        try:
+            for says in messenger.end(outcome):
+                with suppress(UsageError):  # a disk error hides no other error
+                    append_event(folder / JOURNAL, "notify", {"says": says})
+        finally:  # Ctrl-C may end the wait for a mail server
+            _seal(outcome, watch.warn)
     return outcome
 
 

@@ -329,9 +329,13 @@ def _rest_confirmed(player: StepPlayer) -> None:
 
 def _have_done(player: StepPlayer, says: str, act: Callable[[Hands, Meanwhile], None]) -> None:
     opened, supervisor = player.opened, player.supervisor
-    began_s = opened.clock.now()
+    began_s, waits = opened.clock.now(), False
 
     def meanwhile() -> None:
+        nonlocal waits
+        if not waits:
+            supervisor.event("waiting", says=says, by=opened.hands.who)
+        waits = True
         # the table's state is not checked: opening the chamber's door may cut the servo off
         player.notify(f"waiting for {opened.hands.who}: {says}")
         player.wait(opened.clock.chunk_s)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -57,6 +57,18 @@ def no_progress(moment: Moment) -> None:
     """A listener that does nothing."""
 
 
+class Listener(Protocol):
+    """A listener to the events of a run, which must be quick."""
+
+    def __call__(self, kind: str, data: Mapping[str, object]) -> Iterable[str]:
+        """Receive an event of the journal; return what went wrong with earlier messages, for the journal."""
+
+
+def no_listener(kind: str, data: Mapping[str, object]) -> Iterable[str]:
+    """A listener that does nothing."""
+    return ()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """The outcome of a campaign.
@@ -101,6 +113,7 @@ def run_campaign(
     *,
     stop: StopRequest | None = None,
     progress: Progress = no_progress,
+    listener: Listener = no_listener,
     guard: Guard | None = None,
     past: Past | None = None,
 ) -> Outcome:
@@ -129,7 +142,7 @@ def run_campaign(
         refuse_other_instruments(past.meta, opened.identities)
     refuse_bench_in_use(opened)
     wall_s = time.monotonic()
-    run = _Run(plan, opened, folder, stop or StopRequest(), progress, guard or NoGuard(), past)
+    run = _Run(plan, opened, folder, stop or StopRequest(), progress, listener, guard or NoGuard(), past)
     run.play()
     return Outcome(
         campaign=folder,
@@ -159,10 +172,12 @@ class _Run:
         folder: Path,
         stop: StopRequest,
         progress: Progress,
+        listener: Listener,
         guard: Guard,
         past: Past | None,
     ) -> None:
         self.plan, self.opened, self.stop, self.progress, self.guard = plan, opened, stop, progress, guard
+        self._listener = listener
         self._to_play = [(number, number, step) for number, step in enumerate(plan.steps, 1)]
         self.whole = self.samples = 0
         filed: list[int] = []
@@ -192,7 +207,10 @@ class _Run:
 
     def event(self, kind: str, **data: object) -> None:
         """Record an event with the bench's time."""
-        self.writer.event(kind, bench_s=round(self.opened.clock.now() - self.opened.epoch_s, 3), **data)
+        bench_s = round(self.opened.clock.now() - self.opened.epoch_s, 3)
+        self.writer.event(kind, bench_s=bench_s, **data)
+        for says in self._listener(kind, data):
+            self.writer.event("notify", bench_s=bench_s, says=says)
 
     def play(self) -> None:
         """Play all steps, then bring the bench to rest, then close the recording."""

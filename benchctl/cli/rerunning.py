@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import typer
 
+from benchctl.app.notify import send_result
 from benchctl.app.rerun import FirstRun, first_run, lines, rerun_of
 from benchctl.bench import Bench
 from benchctl.campaign.again import CHOSEN_HERE, bench_again, plan_again
@@ -29,8 +31,11 @@ class Again:
     bench: Bench
     seeded: bool
 
-    def tell(self, outcome: Outcome, result: Result) -> None:
-        """Compare a finished run with the first one; raise `typer.Exit` if it is judged by limits and is not PASS."""
+    def tell(self, outcome: Outcome, result: Result, warn: Callable[[str], None]) -> None:
+        """Compare a finished run with the first one; raise `typer.Exit` if it is judged by limits and is not PASS.
+
+        The verdict is also sent as a message; `warn` is as in `send_result`.
+        """
         rerun = rerun_of(self.first, outcome.recording, expected=() if self.seeded else CHOSEN_HERE)
         result.values["again"] = rerun.values()
         result.say(lines(rerun))
@@ -40,6 +45,9 @@ class Again:
             result.say_files(files)
         result.values["rerun"] = rerun.write(outcome.campaign)
         result.say(f"rerun: {result.values['rerun']}")
+        if rerun.accepted is not None:
+            says = ": ".join(filter(None, (rerun.accepted.verdict, rerun.accepted.fails)))
+            send_result(self.plan, self.bench, outcome.campaign, says, warn)
         if rerun.accepted is not None and rerun.accepted.fails:
             result.ok, result.error = False, rerun.accepted.fails
             raise typer.Exit(1)

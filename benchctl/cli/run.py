@@ -85,6 +85,7 @@ def run(
     from contextlib import nullcontext
 
     from benchctl.app import run as app
+    from benchctl.app.notify import send_result
     from benchctl.campaign.hands import read_answers
     from benchctl.campaign.resume import past_of
     from benchctl.cli.campaigns import ask_to_resume, at_terminal, summary
@@ -128,8 +129,9 @@ def run(
             result.values |= {"coefficients": fitted.files["coefficients"], "error_percent": fitted.error_percent}
             result.say(fitted.says)
             result.say_files(fitted.files)
+            send_result(plan, loaded, outcome.campaign, fitted.says.partition("\n")[0], watch.warn)
         if rerun is not None:
-            rerun.tell(outcome, result)
+            rerun.tell(outcome, result, watch.warn)
 
 
 def further_help() -> str:

@@ -15,6 +15,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "check": "a dry run: limits, timeline, operator questions; nothing moves",
         "run": "run a procedure, record and fit it; or resume a campaign",
         "serve": "the live page: watch a campaign in a browser",
+        "notify": "send a test message to the recipients in bench.toml",
         "recover": "after a crash: close the recording and list the complete steps",
         "show": "what is in a recording",
         "fit": "the two-stage calibration: coefficients and a report",

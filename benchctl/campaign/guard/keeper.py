@@ -20,6 +20,7 @@ from benchctl.bench import Bench, InstrumentEntry
 from benchctl.campaign.guard.orders import BEAT, DONE, Orders, Reached
 from benchctl.campaign.reserved import lock_files
 from benchctl.campaign.rest import rest_within_s
+from benchctl.notifications import urls_of
 from benchctl.own_process import own_process
 from benchctl_instruments.errors import BenchError, SafetyError, reason
 
@@ -222,6 +223,7 @@ def _orders(bench: Bench, journal: Path) -> Orders:
         safe_c=bench.safe.chamber_c,
         rate_table=_reached(bench.rate_table),
         chamber=_reached(bench.chamber, bench.chamber_profile),
+        notify=urls_of(bench.notify) if bench.notify and "guard" in bench.notify.on else [],
     )
 
 

@@ -18,7 +18,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from io import RawIOBase
 from pathlib import Path
@@ -46,7 +46,8 @@ class Orders:
     """What the guard needs in order to bring the bench to rest by itself.
 
     `runner` is the process to watch, `journal` the campaign's journal. The table should be at rest within
-    `rest_within_s` of bench time; the chamber's set point becomes `safe_c`.
+    `rest_within_s` of bench time; the chamber's set point becomes `safe_c`. `notify` are the URLs that get a message
+    about it, with their secrets: orders go through the pipe only.
     """
 
     runner: int
@@ -56,6 +57,7 @@ class Orders:
     safe_c: float
     rate_table: Reached
     chamber: Reached
+    notify: list[str] = field(default_factory=list)
 
     def as_line(self) -> str:
         """Return the orders as one line of JSON; a date in a driver's options is written as text."""

@@ -3,7 +3,7 @@
 Each instrument has a thread and retries, so that a dead instrument, or one whose driver hangs, does not delay the other
 one. A failed action is repeated every half second for ten minutes: by then, a controller that lost power, or a network
 that was down, is back; later, the bench may be in use by another run. The result is written to the campaign's journal,
-synced to the disk at once, and to stderr.
+synced to the disk at once, to stderr, and as a message to the recipients of `[notify]`.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from benchctl.atomic import disk_errors
 from benchctl.campaign.guard.orders import Orders, Reached
 from benchctl.campaign.rest import send_home, stop_table
 from benchctl.locks import held, is_held
+from benchctl.notifications import Recipient
 from benchctl.recordings.journal import append_event, sync_journal
 from benchctl_instruments.catalog import Kind, driver
 from benchctl_instruments.errors import BenchError, UsageError
@@ -162,7 +163,21 @@ def act(orders: Orders, why: str) -> bool:
     tell(words(rescued), reason=why, **asdict(rescued))
     with contextlib.suppress(OSError):  # only at the end, because a terminal may be blocked or gone
         os.write(2, f"benchctl guard: {why}; {words(rescued)}{unwritten}\n".encode())
+    _notify(orders, f"{why}; {words(rescued)}")
     return not rescued.problems
+
+
+def _notify(orders: Orders, says: str) -> None:
+    """Send the result as a message, last of all, because a mail server may be slow."""
+    campaign = orders.journal.parent
+    for url in orders.notify:
+        try:
+            Recipient(url).send(f"guard: {campaign.name}", f"{says}\n{campaign}")
+        except BenchError as err:
+            with contextlib.suppress(OSError):
+                os.write(2, f"benchctl guard: {err}\n".encode())
+            with contextlib.suppress(BenchError):
+                note(orders.journal, says=str(err))
 
 
 def words(rescued: Rescued) -> str:

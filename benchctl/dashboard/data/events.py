@@ -76,12 +76,14 @@ _SENTENCES: Mapping[str, Told] = {
     ),
     "gap": ("gap in the stream at {time_s:g} s: {scans:,} scans are missing", "warning"),
     "motion": ("the step is not complete: {says}", "bad"),
+    "notify": ("{says}", "warning"),
     "operator": ("done by {by}: {says}, after {waited_s:g} s", "info"),
     "recovered": ("recovered: {says}", "warning"),
     "resume": ("resumed with {whole:,} complete steps; started {day:,} times before", "info"),
     "step": ("step {number|index:,} begins: {name}", "info"),
     "torn": ("a line of the journal was torn by the program's death", "warning"),
     "unreadable": ("a crash left {file} unreadable: {why}", "bad"),
+    "waiting": ("waiting for {by}: {says}", "warning"),
     "whole": ("step {index:,} is whole: {name}, {samples:,} samples", "info"),
 }
 

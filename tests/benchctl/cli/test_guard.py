@@ -24,6 +24,7 @@ from pymodbus.client import ModbusSerialClient
 from benchctl.bench import template
 from tests.benchctl.cli.foreign_eyes import ForeignEyes
 from tests.benchctl.cli.processes import simulated_servers, started
+from tests.benchctl.receiver import receiving
 from tests.waiting import wait_until
 
 PROCEDURE = """
@@ -98,6 +99,28 @@ def test_after_kill_9_the_table_rests_and_the_chamber_is_sent_home_within_five_s
         _, errors = runner.communicate(timeout=10)
     assert errors.startswith("benchctl guard: the runner ended without saying")
     assert re.search(r"; table at rest \([+-]0\.0\d+ deg/s\) and chamber set to 23 °C, read back$", errors.strip())
+
+
+@pytest.mark.slow
+def test_its_guard_also_sends_a_message_and_the_journal_holds_no_secret(lab: Lab) -> None:
+    with receiving() as (port, received):
+        bench = tomllib.loads((lab.folder / "bench.toml").read_text(encoding="utf-8"))
+        bench["notify"] = {"urls": [f"json://127.0.0.1:{port}/s3cret", "json://127.0.0.1:9/s3cret"]}
+        (lab.folder / "notify.toml").write_text(tomli_w.dumps(bench), encoding="utf-8")
+        with lab.running("notified", bench="notify.toml") as runner:
+            runner.kill()
+            _, errors = runner.communicate(timeout=30)  # to the end of stderr, which the guard has too
+    ((title, text),) = received
+    assert title == "guard: notified"
+    assert text.startswith(
+        f"the runner ended without saying that the bench is at rest (process {runner.pid}); table at"
+    )
+    assert text.endswith(f"read back\n{lab.campaign}")
+    said, missed = errors.splitlines()
+    assert said.startswith("benchctl guard: the runner ended without saying")
+    assert missed.startswith("benchctl guard: no message to json://…: ")
+    assert lab.events("guard")[-1]["says"] == missed.removeprefix("benchctl guard: ")
+    assert [path for path in lab.campaign.rglob("*.*") if b"s3cret" in path.read_bytes()] == []
 
 
 @pytest.mark.slow

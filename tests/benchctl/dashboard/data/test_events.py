@@ -39,6 +39,9 @@ def _journal(folder: Path, events: list[dict[str, Any]], end: str = "") -> Path:
          "interlock: air_c above 80 (80.5), action stop", "bad"),
         ({"kind": "hold", "on": True, "says": "air_c above 80"},
          "on hold, the table at rest: air_c above 80", "warning"),
+        ({"kind": "waiting", "says": "mount across", "by": "A. Ivanova"},
+         "waiting for A. Ivanova: mount across", "warning"),
+        ({"kind": "notify", "says": "no message to mailto://…"}, "no message to mailto://…", "warning"),
         ({"kind": "safe", "problems": ["rate_table: no answer"]},
          "NOT KNOWN TO BE AT REST: rate_table: no answer", "bad"),
         ({"kind": "safe", "problems": [], "rate_dps": 0.0, "chamber_setpoint_c": 23.0},
@@ -65,7 +68,7 @@ json_values = st.recursive(plain, lambda one: st.lists(one, max_size=3), max_lea
 @given(
     st.sampled_from(["prepared", "resume", "step", "whole", "cut", "gap", "frames_lost", "silence", "recovered",
                      "gyro_fault", "interlock", "hold", "operator", "guard", "safe", "finish", "recover", "torn",
-                     "unreadable", "certificate", "plan", "other"]),
+                     "unreadable", "certificate", "notify", "waiting", "plan", "other"]),
     st.dictionaries(
         st.sampled_from(["says", "index", "number", "name", "samples", "on", "value", "problems", "rate_dps", "status",
                          "reason", "planned", "instruments", "instrument", "time_s", "scans", "by", "waited_s"]),
