@@ -60,8 +60,9 @@ def whole_folder(path: Path) -> Iterator[Path]:
         try:
             temporary.mkdir()
             yield temporary
-            for file in temporary.iterdir():
-                sync_file(file)
+            for file in temporary.rglob("*"):
+                if file.is_file():
+                    sync_file(file)
             if path.exists():
                 path.rmdir()
             temporary.rename(path)

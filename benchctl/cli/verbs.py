@@ -11,6 +11,7 @@ GROUPS: dict[str, dict[str, str]] = {
     "In the lab": {
         "init": "write a bench.toml and a limits.toml to start from",
         "doctor": "check ports, permissions and instruments; suggest what to do",
+        "instrument": "ask an unknown device what it is; write the start of a driver",
         "procedures": "list procedures, their parameters and durations",
         "check": "a dry run: limits, timeline, operator questions; nothing moves",
         "run": "run a procedure, record and fit it; or resume a campaign",

@@ -10,11 +10,13 @@ from __future__ import annotations
 from typing import Any
 
 from benchctl_instruments.chambers.profile import shipped_profile
-from benchctl_instruments.chambers.profiled import ProfiledChamber
+from benchctl_instruments.chambers.profiled import ProfiledChamber, recognition_of
 
 
 class BinderMb2(ProfiledChamber):
     """Driver of a chamber with a Binder MB2. Not tried on hardware; parameters as for `ProfiledChamber`."""
+
+    recognition = recognition_of(shipped_profile("binder_mb2"))
 
     def __init__(self, address: str, **options: Any) -> None:
         super().__init__(address, profile=shipped_profile("binder_mb2"), **options)

@@ -10,11 +10,13 @@ from __future__ import annotations
 from typing import Any
 
 from benchctl_instruments.chambers.profile import shipped_profile
-from benchctl_instruments.chambers.profiled import ProfiledChamber
+from benchctl_instruments.chambers.profiled import ProfiledChamber, recognition_of
 
 
 class CszEzt430i(ProfiledChamber):
     """Driver of a chamber with a CSZ EZT-430i. Not tried on hardware; parameters as for `ProfiledChamber`."""
+
+    recognition = recognition_of(shipped_profile("csz_ezt430i"))
 
     def __init__(self, address: str, **options: Any) -> None:
         super().__init__(address, profile=shipped_profile("csz_ezt430i"), **options)

@@ -27,6 +27,7 @@ from benchctl_instruments.links.tcp import Reconnect
 from benchctl_instruments.links.wirelog import WireLog, note_recovered
 from benchctl_instruments.protocols import p300
 from benchctl_instruments.protocols.p300 import Temperatures, UnreadableError
+from benchctl_instruments.recognition import ByLine
 
 BAUD = 9600
 CONFIRM_S, LOOK_AGAIN_S = 2.0, 0.1
@@ -60,6 +61,8 @@ class EspecP300(Instrument):
     reconnect, wire_log
         See `byte_link`.
     """
+
+    recognition = (ByLine(query=p300.TYPE_QUERY, read=lambda line: f"ESPEC {p300.read_type(line)}", baud=BAUD),)
 
     def __init__(
         self,

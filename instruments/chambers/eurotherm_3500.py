@@ -11,11 +11,13 @@ from __future__ import annotations
 from typing import Any
 
 from benchctl_instruments.chambers.profile import shipped_profile
-from benchctl_instruments.chambers.profiled import ProfiledChamber
+from benchctl_instruments.chambers.profiled import ProfiledChamber, recognition_of
 
 
 class Eurotherm3500(ProfiledChamber):
     """Driver of a chamber with a Eurotherm 3500. Not tried on hardware; 8N1, parameters as for `ProfiledChamber`."""
+
+    recognition = recognition_of(shipped_profile("eurotherm_3500"))
 
     def __init__(self, address: str, **options: Any) -> None:
         super().__init__(address, profile=shipped_profile("eurotherm_3500"), **options)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 from benchctl_instruments.chambers.modbus_chamber import LOOK_AGAIN_S, ModbusChamber, Quantity
 from benchctl_instruments.chambers.profile import MOST_DECIMALS, Condition, Number, Profile, changed
@@ -27,9 +27,10 @@ from benchctl_instruments.chambers.profiled_table import (
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.address import parse_address
-from benchctl_instruments.links.modbus import ModbusLink, Retry
+from benchctl_instruments.links.modbus import DEFAULT_BAUD, ModbusLink, Retry
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols.modbus import WordOrder
+from benchctl_instruments.recognition import ByRegisters
 
 
 class ProfiledChamber(ModbusChamber):
@@ -70,9 +71,7 @@ class ProfiledChamber(ModbusChamber):
             profile = changed(profile, changes, "chamber.options.changes")
         if word_order is not None:
             profile = changed(profile, {"transport": {"word_order": word_order}}, "chamber.options")
-        self._profile = profile
         transport = profile.transport
-        self._clock = clock
         link = ModbusLink(
             _with_baud(address, transport.baud),
             unit_id=transport.unit_id if unit_id is None else unit_id,
@@ -83,6 +82,18 @@ class ProfiledChamber(ModbusChamber):
             clock=clock,
             wire_log=wire_log,
         )
+        self._set_up(link, profile, clock)
+
+    @classmethod
+    def over(cls, link: ModbusLink, profile: Profile, clock: Clock) -> Self:
+        """Return a driver over a link that its caller opens and closes."""
+        made = cls.__new__(cls)
+        cls._set_up(made, link, profile, clock)
+        return made
+
+    def _set_up(self, link: ModbusLink, profile: Profile, clock: Clock) -> None:
+        self._profile = profile
+        self._clock = clock
         setpoint = quantity_of(profile.setpoint, "set point", "°C", profile=profile, writable=True)
         low_limit, high_limit, kept = _limits_of(profile, setpoint)
         self._registers = ProfiledTable(link, clock=clock, profile=profile, kept=kept)
@@ -146,6 +157,22 @@ class ProfiledChamber(ModbusChamber):
         self._read_decimals()
         words = self._look(self._reading)  # checks that every register of a reading exists
         self._registers.value_of(self._obeyed, words)  # raises if the word order is wrong, not for a broken sensor
+
+    def describe(self) -> str:
+        """Check the controller over an open link, reading only, and describe it.
+
+        Raises `InstrumentError` if its registers are not those of the profile, or hold zeros only.
+        """
+        self._check_controller()
+        now = self.read()
+        self._registers.read_words(_registers(self._profile.modes))
+        on = self._conditioning.is_on()
+        if now.temperature_c == now.setpoint_c == 0.0:
+            raise InstrumentError(f"{self._link.who}: air and set point read 0 °C; check that it is the right model")
+        return (
+            f"{self._profile.name}; air {now.temperature_c:.4g} °C, set point {now.setpoint_c:.4g} °C,"
+            f" conditioning {'on' if on else 'off'}"
+        )
 
     def _read_decimals(self) -> None:
         address = self._profile.decimals_register
@@ -221,6 +248,30 @@ class ProfiledChamber(ModbusChamber):
 
     def _shown(self, number: Number | None, name: str, unit: str) -> ProfiledQuantity | None:
         return None if number is None else quantity_of(number, name, unit, profile=self._profile)
+
+
+def recognition_of(profile: Profile) -> tuple[ByRegisters]:
+    """Return how the controller of a profile is recognised: by everything that its driver reads.
+
+    A single in the wrong place rarely makes sense as a temperature; a whole number often does.
+    """
+    at_once = profile
+    if profile.busy is not None:
+        at_once = profile.model_copy(update={"busy": profile.busy.model_copy(update={"wait_s": 0.0})})
+
+    def read(link: ModbusLink, clock: Clock) -> str:
+        return ProfiledChamber.over(link, at_once, clock).describe()
+
+    likely = bool(profile.checks) or profile.air.kind == "f32"
+    transport = profile.transport
+    return (
+        ByRegisters(
+            read=read,
+            certainty="likely" if likely else "possible",
+            baud=transport.baud or DEFAULT_BAUD,
+            pause_s=transport.pause_s,
+        ),
+    )
 
 
 def _limits_of(profile: Profile, setpoint: ProfiledQuantity) -> tuple[Quantity, Quantity, dict[str, float]]:

@@ -23,6 +23,7 @@ from benchctl_instruments.errors import InstrumentError, UsageError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.modbus import ModbusLink, Retry
 from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.recognition import ByRegisters
 
 AIR = Quantity(name="process value 1", address=100, kind="signed", unit="°C")
 INPUT_ERROR = Quantity(name="input error 1", address=101, kind="code")
@@ -49,7 +50,21 @@ INPUT_ERROR_WORDS = {1: "converter underflow", 2: "under range", 3: "over range"
 ALARM_WORDS = {1: "high", 2: "low"}
 MODE_WORDS = {2: "runs a profile", 3: "holds a profile"}
 CELSIUS = 1
+TEMPERATURE_UNITS = {0: "°F", CELSIUS: "°C"}
+PAUSE_S = 0.03
 MOST_DECIMALS = 3
+
+
+def _recognised(link: ModbusLink, clock: Clock) -> str:
+    """Describe an F4 by its decimal point, unit and limits; raises `InstrumentError` for another device."""
+    table = QuantityTable(link, clock=clock)
+    decimals, unit = table.read_code(DECIMALS), table.read_code(TEMPERATURE_UNIT)
+    low, high = table.read_together((LOW_LIMIT, HIGH_LIMIT)).values()
+    if decimals > MOST_DECIMALS or unit not in TEMPERATURE_UNITS or low >= high:
+        raise InstrumentError(f"expected decimals, a unit and limits, got {decimals}, {unit}, {low:g} to {high:g}")
+    table.decimals = decimals
+    celsius = "" if unit == CELSIUS else "; it must be set to °C"
+    return f"Watlow F4; air {table.read(AIR):g} {TEMPERATURE_UNITS[unit]}{celsius}"
 
 
 class WatlowF4(ModbusChamber):
@@ -72,6 +87,8 @@ class WatlowF4(ModbusChamber):
         See `ModbusLink`.
     """
 
+    recognition = (ByRegisters(read=_recognised, certainty="likely", pause_s=PAUSE_S),)
+
     def __init__(
         self,
         address: str,
@@ -79,7 +96,7 @@ class WatlowF4(ModbusChamber):
         clock: Clock,
         unit_id: int = 1,
         on_event: int | None = 1,
-        pause_s: float = 0.03,
+        pause_s: float = PAUSE_S,
         timeout_s: float = 1.0,
         retry: Retry | None = None,
         wire_log: WireLog | None = None,

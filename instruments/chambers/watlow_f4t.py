@@ -32,6 +32,7 @@ from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.modbus import ModbusLink, Retry
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols.modbus import WordOrder
+from benchctl_instruments.recognition import ByRegisters
 
 AUTO, ON, OFF, NONE, STARTUP, INACTIVE, UP, DOWN = 10, 63, 62, 61, 88, 12, 1456, 1457
 CELSIUS = 15
@@ -71,6 +72,25 @@ PART_NUMBER_ADDRESS, PART_NUMBER_LENGTH = 16, 15
 SWITCHES = {"event": len(EVENTS), "toggle_key": len(KEYS), "momentary_key": len(KEYS), "nothing": 1}
 
 
+def part_number_of(link: ModbusLink) -> str:
+    """Return the part number; raises `InstrumentError` if its registers hold none."""
+    characters = link.read(PART_NUMBER_ADDRESS, PART_NUMBER_LENGTH)
+    part_number = "".join(chr(character) for character in characters).strip(" \0")
+    if not (part_number.isascii() and part_number.isprintable() and part_number):
+        raise InstrumentError(
+            f"{link.who}: the {PART_NUMBER_LENGTH} registers from {PART_NUMBER_ADDRESS} on hold"
+            f" {part_number!r} instead of a part number; check that it is a Watlow F4T"
+        )
+    return part_number
+
+
+def _recognised(link: ModbusLink, _: Clock) -> str:
+    """Describe an F4T by its part number; raises `InstrumentError` for another device."""
+    if not (part_number := part_number_of(link)).startswith("F4T"):
+        raise InstrumentError(f"expected a part number that begins with F4T, got {part_number!r}")
+    return f"Watlow {part_number}"
+
+
 class WatlowF4T(ModbusChamber):
     """Driver of a chamber with a Watlow F4T. Not tried on hardware; its bus must be set to degrees Celsius.
 
@@ -98,6 +118,8 @@ class WatlowF4T(ModbusChamber):
     pause_s, timeout_s, retry, wire_log
         See `ModbusLink`; on a serial line the controller requires a pause of 0.03 s.
     """
+
+    recognition = (ByRegisters(read=_recognised, certainty="certain"),)
 
     def __init__(
         self,
@@ -150,14 +172,7 @@ class WatlowF4T(ModbusChamber):
 
     def identify(self) -> Identity:
         """Return the controller's identity with its part number."""
-        characters = self._link.read(PART_NUMBER_ADDRESS, PART_NUMBER_LENGTH)
-        part_number = "".join(chr(character) for character in characters).strip(" \0")
-        if not (part_number.isascii() and part_number.isprintable() and part_number):
-            raise InstrumentError(
-                f"{self._link.who}: the {PART_NUMBER_LENGTH} registers from {PART_NUMBER_ADDRESS} on hold"
-                f" {part_number!r} instead of a part number; check that it is a Watlow F4T"
-            )
-        return Identity(manufacturer="Watlow", model=part_number)
+        return Identity(manufacturer="Watlow", model=part_number_of(self._link))
 
     def read(self) -> ChamberReading:
         """Return air temperature, set point, power and all alarms."""

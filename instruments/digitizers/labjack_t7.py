@@ -58,6 +58,7 @@ from benchctl_instruments.links.modbus import ModbusLink
 from benchctl_instruments.links.tcp import LinkCutError, TcpLink
 from benchctl_instruments.links.wirelog import WireLog, note_recovered
 from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES, NotAPacketError
+from benchctl_instruments.recognition import ByRegisters
 
 TICKS_HZ = 40_000_000
 WRAP = 1 << 32
@@ -108,6 +109,14 @@ LARGEST_RECEIVE = 1 << 18
 SKIPPED, RESUMED = "left out", "connected again, what is missing is a gap"  # recovery from faults of the stream
 
 
+def _recognised(link: ModbusLink, _: Clock) -> str:
+    """Describe a T7 by its registers TEST, PRODUCT_ID and SERIAL_NUMBER; `InstrumentError`: another device."""
+    registers = reg.T7Registers(link)
+    if int(registers.read(reg.TEST)) != reg.TEST_VALUE or registers.read(reg.PRODUCT_ID) != PRODUCT_ID:
+        raise InstrumentError(f"expected {reg.TEST_VALUE:08X}h in register TEST, and product {PRODUCT_ID}")
+    return f"LabJack T7, serial {int(registers.read(reg.SERIAL_NUMBER))}"
+
+
 class LabJackT7(Instrument):
     """A T7 with a quadrature encoder, a gyro and its thermistor; implements `interfaces.Digitizer`.
 
@@ -134,6 +143,8 @@ class LabJackT7(Instrument):
     wire_log
         Log of the traffic on both connections.
     """
+
+    recognition = (ByRegisters(read=_recognised, certainty="certain", schemes=("tcp",)),)
 
     def __init__(
         self,

@@ -17,9 +17,26 @@ from benchctl_instruments.gyros.framed_gyro import FramedGyro, SampleQueue, Samp
 from benchctl_instruments.interfaces import Clock, Identity
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import kvh1760 as kvh
-from benchctl_instruments.protocols.frames import ByteArray, SequenceNumbers
+from benchctl_instruments.protocols.frames import ByteArray, FrameReader, SequenceNumbers
+from benchctl_instruments.protocols.lines import MOST_SHOWN
+from benchctl_instruments.recognition import ByFrames, ByLine
 
 ROTATION_UNIT, TEMPERATURE_UNIT = "deg", "c_100"
+
+
+def _frames_in(data: bytes) -> str:
+    """Describe the frames in some bytes; empty if there are none."""
+    reader = FrameReader([kvh.FORMAT])
+    reader.feed(data)
+    return f"{reader.kept} frames of KVH's format A (also 1725, 1750, 1775)" if reader.kept else ""
+
+
+def _recognised(line: str) -> str:
+    """Describe the gyro from the answer to `?dr`, which it only gives while its settings may be changed."""
+    name, _, rate_hz = line.partition(",")
+    if name.upper() != "DR" or not rate_hz.isdecimal():
+        raise InstrumentError(f"expected DR and a rate, got {line[:MOST_SHOWN]!r}")
+    return f"KVH, accepting settings; set to {rate_hz} Hz"
 
 
 class KvhDsp1760(FramedGyro):
@@ -40,6 +57,10 @@ class KvhDsp1760(FramedGyro):
     """
 
     RATES_HZ = kvh.RATES_HZ
+    recognition = (
+        ByFrames(baud=kvh.DEFAULT_BAUD, find=_frames_in),
+        ByLine(query="?dr", read=_recognised, baud=kvh.DEFAULT_BAUD),
+    )
 
     def __init__(
         self, address: str, *, clock: Clock, axis: str = "z", timeout_s: float = 2.0, wire_log: WireLog | None = None

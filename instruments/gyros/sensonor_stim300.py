@@ -23,12 +23,20 @@ from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import stim300 as stim
 from benchctl_instruments.protocols.frames import ByteArray, FrameFormat, FrameReader, SequenceNumbers, commonest_step
 from benchctl_instruments.protocols.stim300 import StimConfiguration
+from benchctl_instruments.recognition import ByFrames
 
 FIRST_DATAGRAMS = 9
 READABLE = ("angular rate", "average angular rate", "incremental angle")
 
 Found: TypeAlias = tuple[ByteArray, bytes]
 """A complete answer and the bytes after it."""
+
+
+def _datagrams_in(data: bytes) -> str:
+    """Describe the datagrams in some bytes; empty if there are none."""
+    reader = FrameReader([stim.frame_format(datagram) for datagram in stim.PARTS])
+    runs = reader.feed(data)
+    return f"{reader.kept} of Sensonor's datagrams {runs[0].rows[0, 0]:02X}h" if runs else ""
 
 
 class SensonorStim300(FramedGyro):
@@ -47,6 +55,8 @@ class SensonorStim300(FramedGyro):
     wire_log
         Log of the traffic on the line.
     """
+
+    recognition = (ByFrames(baud=stim.DEFAULT_BAUD, find=_datagrams_in),)
 
     def __init__(
         self, address: str, *, clock: Clock, axis: str = "z", timeout_s: float = 2.0, wire_log: WireLog | None = None

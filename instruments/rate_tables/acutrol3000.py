@@ -42,6 +42,7 @@ from benchctl_instruments.links.tcp import LinkCutError, Reconnect, TcpLink
 from benchctl_instruments.links.wirelog import WireLog, note_recovered
 from benchctl_instruments.protocols.acl import Reply, ReplyReader, encode
 from benchctl_instruments.protocols.lines import MOST_SHOWN, parse_number
+from benchctl_instruments.recognition import ByLine
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -263,6 +264,19 @@ MOVE_BY = ":dem:delta {axis},{}"
 SLEW = ":con:osc {axis},Enable,{},{},Pos,Lin"  # slew rates of amplitude [deg/s] and frequency [Hz/s]
 
 
+def _mode_named(name: str) -> Mode | None:
+    """Return the mode of that name, as `:mode?` answers it; None if there is none."""
+    return next((mode for mode in Mode if name.lower().startswith(mode.value)), None)
+
+
+def _recognised(line: str) -> str:
+    """Describe the controller from a reply to `:mode? 1`: a header, then the name of a mode."""
+    replies = ReplyReader().feed(f"{line}\n".encode("ascii", "replace"))
+    if not replies or _mode_named(replies[0].data) is None:
+        raise InstrumentError(f"expected a header of 8 characters and a mode, got {line[:MOST_SHOWN]!r}")
+    return f"ACL; axis 1 in mode {replies[0].data}"
+
+
 class Acutrol3000(Instrument):
     """One axis of an ACUTROL3000; a `benchctl_instruments.interfaces.RateTable`. Thread-safe.
 
@@ -289,6 +303,10 @@ class Acutrol3000(Instrument):
     reply_terminator
         The text that ends a reply on this site's link.
     """
+
+    recognition = (
+        ByLine(names=("ACUTROL",), query=ASK_MODE.format(axis=1), read=_recognised, schemes=("tcp", "socket")),
+    )
 
     def __init__(
         self,
@@ -461,9 +479,8 @@ class Acutrol3000(Instrument):
 
     def _mode(self) -> Mode:
         name = self._line.ask(ASK_MODE)
-        for mode in Mode:
-            if name.lower().startswith(mode.value):
-                return mode
+        if (mode := _mode_named(name)) is not None:
+            return mode
         raise InstrumentError(
             f"{self._name}: asked for the mode, expected a name such as Rate or Position, got {name[:MOST_SHOWN]!r};"
             " check that the address is an ACUTROL3000's"

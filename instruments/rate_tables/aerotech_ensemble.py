@@ -58,6 +58,7 @@ from benchctl_instruments.rate_tables.constant_rate_table import (
     short_way_deg,
     wait_until,
 )
+from benchctl_instruments.recognition import ByLine
 
 Parsed = TypeVar("Parsed")
 
@@ -145,6 +146,15 @@ ABORT = "ABORT @{axis}"
 CONFIRM_S = 0.5  # bench time in which the status must follow a command
 
 
+def _recognised(line: str) -> str:
+    """Describe the controller from the answer to `AXISSTATUS(@0)`: `%` and a word of 32 bits."""
+    reply = parse_reply(line)
+    if reply.outcome is not Outcome.DONE:
+        raise InstrumentError(f"expected % and data, got {line[:MOST_SHOWN]!r}")
+    status = AxisStatus(parse_bits(reply.data))
+    return f"Aerotech's ASCII interface; axis 0 is {'enabled' if AxisStatus.ENABLED in status else 'disabled'}"
+
+
 class Ensemble(ConstantRateTable[EnsembleDialogue]):
     """One axis of an Ensemble; a `benchctl_instruments.interfaces.RateTable`. Thread-safe.
 
@@ -161,6 +171,8 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
     rest_rate_dps
         Up to this rate the table counts as at rest; also the largest error of a measured rate.
     """
+
+    recognition = (ByLine(query=ASK_STATUS.format(axis=0), read=_recognised, sent_end=END),)
 
     _controller = "Ensemble's ASCII interface"
     _ask_angle = ASK_ANGLE

@@ -56,6 +56,7 @@ from benchctl_instruments.rate_tables.constant_rate_table import (
     check_finite,
     short_way_deg,
 )
+from benchctl_instruments.recognition import ByLine
 
 Parsed = TypeVar("Parsed")
 
@@ -194,6 +195,13 @@ RAMPS = ("{axis}AC", "{axis}AG")  # acceleration, deceleration [deg/s²]
 NEAR_DEG = 0.1  # a table at rest this near to an angle has reached it
 
 
+def _recognised(version: str) -> str:
+    """Describe the controller from the answer to `VE?`; raises `InstrumentError` if it is no ESP30x."""
+    if "ESP" not in version.upper():
+        raise InstrumentError(f"asked {ASK_VERSION!r}, expected ESP301 and a version, got {version[:MOST_SHOWN]!r}")
+    return version
+
+
 class Esp301(ConstantRateTable[Esp301Dialogue]):
     """One axis of an ESP301; a `benchctl_instruments.interfaces.RateTable`. Thread-safe.
 
@@ -210,6 +218,8 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
     rest_rate_dps
         Up to this rate the table counts as at rest; also the largest error of a measured rate.
     """
+
+    recognition = (ByLine(names=("ESP30",), query=ASK_VERSION, read=_recognised, sent_end=SENT_END),)
 
     _controller = "ESP301"
     _ask_angle = ASK_ANGLE
@@ -324,11 +334,10 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
     def _check(self) -> None:
         """Check that an ESP30x answers, and that the axis exists and counts in degrees."""
         version = self._line.ask(ASK_VERSION, str)
-        if "ESP" not in version.upper():
-            raise InstrumentError(
-                f"{self._name}: asked {ASK_VERSION!r}, expected ESP301 and a version, got {version[:MOST_SHOWN]!r};"
-                " check that the address is an ESP301's"
-            )
+        try:
+            _recognised(version)
+        except InstrumentError as err:
+            raise InstrumentError(f"{self._name}: {err}; check that the address is an ESP301's") from err
         self._check_axis()
 
     def _check_axis(self) -> None:
