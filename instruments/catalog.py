@@ -7,9 +7,10 @@ the path of a profile, a file whose name ends in `.toml`; see `chambers.profile`
 passes its text too, so that the profile stays as it was when a campaign began.
 
 A driver is called with an address, the keyword `clock` and the options of bench.toml, and implements the protocol of
-its kind in `interfaces`. A twin is called with its machine (`simulated.machines`) and the options that it accepts; it
-has `address` and is a context manager that serves while it is entered. If its link supports simulated faults, it has
-the attribute `faults`, initially None, which `benchctl_instruments.simulated.tcp_server` plays.
+its kind in `interfaces`. It may declare how its instrument is recognised, see `recognition`. A twin is called with its
+machine (`simulated.machines`) and the options that it accepts; it has `address` and is a context manager that serves
+while it is entered. If its link supports simulated faults, it has the attribute `faults`, initially None, which
+`benchctl_instruments.simulated.tcp_server` plays.
 """
 
 from __future__ import annotations

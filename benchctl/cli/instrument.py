@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from benchctl_instruments.probe import Exchange
 
 _MOST_SHOWN = 48
-_WIDEST = 38
+_WIDEST = 40
 
 
 def instrument(

@@ -151,7 +151,10 @@ def _not_this_model(role: str, entry: InstrumentEntry, error: BenchError, heard:
         return bad(role, "identity", _line(error), do)
     if heard:
         message = f"the received bytes are not of the protocol of {entry.model} ({_shown(heard)}): {_line(error)}"
-        do = "compare speed, parity, protocol (Modbus RTU or TCP) and model with what is set at the instrument"
+        do = (
+            "compare speed, parity, protocol (Modbus RTU or TCP) and model with what is set at the instrument;"
+            f" benchctl instrument probe {entry.address} shows what it answers"
+        )
         return bad(role, "identity", message, do)
     message = f"silent: {_first_clause(error)}"
     do = (

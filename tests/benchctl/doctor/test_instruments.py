@@ -73,6 +73,7 @@ def test_rubbish_is_shown_and_taken_for_another_protocol() -> None:
     assert (identity.verdict, identity.what) == ("bad", "identity")
     assert r"the received bytes are not of the protocol of watlow_f4t (b'\xde\xad\xbe\xef" in identity.message
     assert "compare speed, parity, protocol" in identity.do
+    assert f"benchctl instrument probe {address} " in identity.do
 
 
 def test_a_labjack_at_the_chambers_address_is_named() -> None:
