@@ -80,13 +80,13 @@ def require_empty(folder: Path) -> None:
 def refuse_existing(path: Path) -> None:
     """Raise `UsageError` if a non-empty file would be replaced; recordings are never overwritten."""
     if path.is_file() and path.stat().st_size > 0:
-        raise UsageError(f"-o {path}: is there already and is left as it is; name another file or remove it")
+        raise UsageError(f"{path}: is there already and is left as it is; name another file or remove it")
 
 
 def refuse_folder(path: Path) -> None:
     """Raise `UsageError` if the path of an output file is a folder."""
     if path.is_dir():
-        raise UsageError(f"-o {path}: is a folder; name the file to write")
+        raise UsageError(f"{path}: is a folder; name the file to write")
 
 
 def require_room(path: Path, size: int) -> None:

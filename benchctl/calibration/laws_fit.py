@@ -338,8 +338,8 @@ def _named(
         dof_a = dof_of_factor(own / type_a)
         budget = contributions(name, values, type_a, dof_a, steps, bench, problem.earth_rate_dps, known)
         if shift := abs(lag_shifts.get(name, 0.0)):
-            meaning = "a lag of the coil behind its thermistor is not excluded"
-            budget += (Contribution(source="thermal lag", standard=shift / math.sqrt(3.0), kind="B", says=meaning),)
+            says = "a lag of the coil behind its thermistor is not excluded"
+            budget += (Contribution(source="thermal lag", standard=shift / math.sqrt(3.0), kind="B", says=says),)
         combined = math.hypot(*(part.standard for part in budget))
         dof = effective_dof((part.standard, part.dof) for part in budget)
         expanded = max(coverage_factor(dof) * combined, own)

@@ -99,6 +99,15 @@ def test_after_a_long_soak_nothing_changes_and_nothing_is_said(tmp_path: Path) -
     assert result.error_percent == plain.error_percent
 
 
+def test_a_lag_that_is_not_excluded_widens_the_budget_and_leaves_the_parameters_words(tmp_path: Path) -> None:
+    result = fitted(recorded(1, {"points": "3", "soak_s": "4500"}, tmp_path))
+    scale = result.best.parameter("K0_v_per_dps")
+    assert [part.says for part in scale.budget if part.source == "thermal lag"] == [
+        "a lag of the coil behind its thermistor is not excluded"
+    ]
+    assert scale.says == "scale factor at T0 and low rates"
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_after_short_soaks_the_truth_lies_within_u_at_the_stated_level(tmp_path: Path) -> None:

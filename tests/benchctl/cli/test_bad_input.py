@@ -228,7 +228,7 @@ def test_a_result_file_that_is_a_folder_is_refused_before_any_work(
 
 def test_simulate_does_not_put_its_recording_into_a_folder_of_that_name(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
-    assert "-o folder: is a folder" in refused("simulate", "static", "-o", "folder")
+    assert "folder: is a folder" in refused("simulate", "static", "-o", "folder")
     assert list((tmp_path / "folder").iterdir()) == []
 
 
