@@ -26,14 +26,26 @@ from benchctl.diagnosis.result import COORDINATES
 from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.estimation.fit import Point, fit
 from benchctl.estimation.noise import Whitener
-from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from tests.benchctl.diagnosis.foreign import draw, make, to_recording
 
 N = 40000
 DT = 0.01
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Line:
+    """A fit of offset and scale factor."""
+
+    predicted: FloatArray
+    residual: FloatArray
+    white: FloatArray
+    raw_derivatives: FloatArray
+    derivatives: FloatArray
+    fitted: BoolArray
+
+
+@dataclass(frozen=True)
 class Filtered:
     """A whitener for white noise with a random walk of so much of it a sample; 0 for none."""
 
@@ -86,7 +98,7 @@ def fitted_to(problem: Any, structure: FloatArray | float, seed: int, gain: floa
     known = np.stack([np.ones(N), rate], axis=1)
     white, derivatives = whitener(measured), np.stack([whitener(column) for column in known.T], axis=1)
     values = np.linalg.lstsq(derivatives, white, rcond=None)[0]
-    return SimpleNamespace(
+    return Line(
         predicted=0.02 * rate,
         residual=measured - known @ values,
         white=white - derivatives @ values,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchctl.app.diagnose import diagnose as app_diagnose
 from benchctl.cli.diagnose import write_effect
 from benchctl.diagnosis import diagnose
 from benchctl.diagnosis.result import Diagnosis
@@ -15,6 +16,7 @@ from benchctl.model_file import Model, read_model, write_model
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.reader import open_recording
 from benchctl.reports.diagnosis_page import diagnosis_page
+from tests.golden.stored import compare
 from tests.shared import SHARED, needs_shared
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
@@ -26,13 +28,20 @@ def diagnosed(name: str, folder: Path) -> Diagnosis:
         return diagnose(opened)
 
 
+def diagnosed_as_stored(name: str) -> Diagnosis:
+    folder = SHARED / "recordings" / name
+    told = app_diagnose([folder]).diagnosis
+    compare("diagnose_" + name.replace("/", "_"), told.as_json(), folder)
+    return told
+
+
 def model_in(told: Diagnosis) -> Any:
     return told.as_json()["unexplained"]["model"]
 
 
 @needs_shared("recordings/unnamed/kink")
 def test_a_kink_of_the_scale_factor_is_found_at_its_temperature(tmp_path: Path) -> None:
-    told = diagnosed("unnamed/kink", tmp_path)
+    told = diagnosed_as_stored("unnamed/kink")
     model = model_in(told)
     assert (model["stage"], model["coordinates"], model["shape"]) == ("scale", ["gyro_temp"], "kink")
     assert model["parameters"]["at"]["value"] == pytest.approx(27.665, abs=0.1)
@@ -67,8 +76,8 @@ def test_a_mode_hop_is_a_step_of_the_scale_factor_that_takes_hardly_any_temperat
 
 
 @needs_shared("recordings/unnamed/slip")
-def test_a_coupling_that_slips_is_a_jump_of_the_encoder_at_each_instant(tmp_path: Path) -> None:
-    told = diagnosed("unnamed/slip", tmp_path)
+def test_a_coupling_that_slips_is_a_jump_of_the_encoder_at_each_instant() -> None:
+    told = diagnosed_as_stored("unnamed/slip")
     models = told.unexplained.models
     assert {(one.stage, one.coordinates, one.shape) for one in models} == {("encoder", ("time",), "jump")}
     jumps = sorted((one.parameters["at"].value, one.parameters["change"].value) for one in models)
@@ -86,8 +95,8 @@ def test_a_coupling_that_slips_is_a_jump_of_the_encoder_at_each_instant(tmp_path
 
 
 @needs_shared("recordings/unnamed/compressor")
-def test_a_bias_that_shifts_while_the_set_point_falls_is_found_beside_a_delay(tmp_path: Path) -> None:
-    told = diagnosed("unnamed/compressor", tmp_path)
+def test_a_bias_that_shifts_while_the_set_point_falls_is_found_beside_a_delay() -> None:
+    told = diagnosed_as_stored("unnamed/compressor")
     model = model_in(told)
     assert (model["stage"], model["coordinates"], model["shape"]) == ("bias", ["setpoint"], "negative")
     assert model["parameters"]["change"]["value"] == pytest.approx(-0.0019631, rel=0.02)
