@@ -44,7 +44,7 @@ def report_of(acceptance: Acceptance, facts: RecordingFacts, language: str, key:
         rule=words.said(acceptance.rule.says),
         equipment=set_up.equipment(facts.meta, words),
         environment=set_up.environment(facts, words),
-        sections=tuple(section(one, numbers[id(one)], acceptance, infos, words) for one in full),
+        sections=tuple(section(one, numbers[id(one)], infos, words) for one in full),
         without_limit=_without_limit(free, words),
         not_measured=_not_measured(refused, words),
         anomalies=tuple(words.said(one) for one in acceptance.anomalies),
@@ -52,7 +52,6 @@ def report_of(acceptance: Acceptance, facts: RecordingFacts, language: str, key:
         coefficients=tuple(replace(one, stated=words.number(one.stated)) for one in facts.coefficients),
         signed=_signed(key, words) if key else "",
         traceability=set_up.traceability(acceptance, facts, words),
-        steps=set_up.step_table(acceptance, facts, words),
     )
 
 

@@ -123,7 +123,6 @@ class Report:
     coefficients: tuple[Coefficient, ...]
     signed: str
     traceability: tuple[Row, ...]
-    steps: Table
 
     @property
     def numbers(self) -> Mapping[str, int]:

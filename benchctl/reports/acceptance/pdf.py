@@ -166,20 +166,11 @@ def _appendix(sheet: Sheet, report: Report, words: Catalogue) -> None:
     sheet.heading(words.label("appendix"), needs_mm=60.0)
     sheet.text_block(words.label("appendix_says"))
     sheet.rows(report.traceability, mono=True)
-    if report.steps.rows:
-        sheet.heading(words.label("step_digests"), level=4)
-        _table(sheet, report.steps, digests=True)
     sheet.text_block(words.label("footer"), small=True, grey=True)
 
 
-def _table(sheet: Sheet, table: Table, *, digests: bool = False) -> None:
-    sheet.grid(
-        table.headings,
-        table.rows,
-        table.numeric,
-        small=True,
-        mono_last=digests,
-    )
+def _table(sheet: Sheet, table: Table) -> None:
+    sheet.grid(table.headings, table.rows, table.numeric, small=True)
 
 
 def _face(badge: Badge) -> FontFace:

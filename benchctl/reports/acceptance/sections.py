@@ -14,7 +14,7 @@ from matplotlib.ticker import ScalarFormatter
 from benchctl.calibration.result import Contribution
 from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.metrology.names import PROCEDURES
-from benchctl.metrology.result import Acceptance, Column, Judged, Measured, Picture, Trace, Uncertainty
+from benchctl.metrology.result import Column, Judged, Measured, Picture, Trace, Uncertainty
 from benchctl.recordings.model import StepInfo
 from benchctl.reports import text
 from benchctl.reports.acceptance import document
@@ -125,17 +125,14 @@ def _upright(told: str, longest: int) -> str:
     return f"{name},\n{unit}" if comma and len(told) > longest else told
 
 
-_MOST_STEPS_TOLD = 24
-"""Number of steps of a test that are listed individually with the start of their digest; more are listed as ranges."""
-_SHORT_DIGEST = 8
 _MOST_DOF = 1000.0
+_MINOR_SHARE = 1e-3
+"""Share of the variance below which contributors are merged into one row."""
 _WELL_KNOWN_SHARE = 0.8
 """Share of the variance above which only the largest contributor is named."""
 
 
-def section(
-    judged: Judged, number: str, acceptance: Acceptance, infos: Mapping[int, StepInfo], words: Catalogue
-) -> Section:
+def section(judged: Judged, number: str, infos: Mapping[int, StepInfo], words: Catalogue) -> Section:
     """Return the section of one test."""
     measured, texts = judged.measured, words.test(judged.measured.name)
     uncertainty = measured.uncertainty
@@ -152,7 +149,7 @@ def section(
         remedy=words.said(judged.remedy) if judged.remedy else "",
         definition=texts.definition,
         formula=texts.formula,
-        conditions=_conditions(measured, acceptance.step_digests, infos, words),
+        conditions=_conditions(measured, infos, words),
         notes=tuple(words.said(note) for note in notes),
         points=_points(measured.table, words) if measured.table else None,
         picture=drawn(measured.picture, anchor(number), words) if measured.picture else None,
@@ -179,9 +176,7 @@ def _result(judged: Judged, words: Catalogue) -> tuple[Row, ...]:
     )
 
 
-def _conditions(
-    measured: Measured, digests: Mapping[int, str], infos: Mapping[int, StepInfo], words: Catalogue
-) -> tuple[Row, ...]:
+def _conditions(measured: Measured, infos: Mapping[int, StepInfo], words: Catalogue) -> tuple[Row, ...]:
     procedure = PROCEDURES.get(measured.name, "")
     used = [infos[index] for index in measured.steps if index in infos]
     rows = [(words.label("measured_by"), words.label("measured_by_told", procedure=procedure))] if procedure else []
@@ -193,9 +188,7 @@ def _conditions(
         described = [*_groups(used, words), words.label("recorded_for", duration=duration(length_s, words))]
         rows.append((words.label("conditions"), "; ".join(described)))
     if measured.steps:
-        many = len(measured.steps) > _MOST_STEPS_TOLD
-        listed = _spans(measured.steps) if many else ", ".join(_with_digest(one, digests) for one in measured.steps)
-        rows.append((words.label("steps_used_many" if many else "steps_used"), listed))
+        rows.append((words.label("steps_used"), _spans(measured.steps)))
     return tuple(rows)
 
 
@@ -222,11 +215,6 @@ def _span(values: Sequence[float | None], words: Catalogue) -> str:
     known = [value for value in values if value is not None]
     low, high = (words.number(short(end)) for end in (min(known), max(known)))
     return low if low == high else words.label("between", low=low, high=high)
-
-
-def _with_digest(index: int, digests: Mapping[int, str]) -> str:
-    digest = digests.get(index, "")[:_SHORT_DIGEST]
-    return f"{index}\u00a0({digest})" if digest else str(index)
 
 
 def _spans(indices: Sequence[int]) -> str:
@@ -262,16 +250,7 @@ def _budget(uncertainty: Uncertainty, unit: str, words: Catalogue) -> Budget:
     return Budget(
         contributors=Table(
             headings=(words.label("source"), words.label("kind"), heading, words.label("share"), words.label("says")),
-            rows=tuple(
-                (
-                    words.word(part.source, "sources"),
-                    part.kind,
-                    _standard(part.standard, words),
-                    _percent(share, words),
-                    words.phrase(part.says),
-                )
-                for part, share in zip(uncertainty.contributors, shares, strict=True)
-            ),
+            rows=_contributors(uncertainty.contributors, shares, words),
             numeric=(False, False, True, True, False),
         ),
         totals=(
@@ -283,6 +262,32 @@ def _budget(uncertainty: Uncertainty, unit: str, words: Catalogue) -> Budget:
         largest=_largest(uncertainty.contributors, shares, words),
         says=words.said(uncertainty.says),
     )
+
+
+def _contributors(
+    contributors: Sequence[Contribution], shares: Sequence[float], words: Catalogue
+) -> tuple[tuple[str, ...], ...]:
+    """Return a row for each contributor; those with hardly any share of the variance are merged into the last row."""
+    minor = [part for part, share in zip(contributors, shares, strict=True) if share < _MINOR_SHARE]
+    kept = minor if len(minor) < 2 else []
+    rows: list[tuple[str, ...]] = [
+        (
+            words.word(part.source, "sources"),
+            part.kind,
+            _standard(part.standard, words),
+            _percent(share, words),
+            words.phrase(part.says),
+        )
+        for part, share in zip(contributors, shares, strict=True)
+        if share >= _MINOR_SHARE or part in kept
+    ]
+    if minor and not kept:
+        together = math.hypot(*(part.standard for part in minor))
+        names = ", ".join(dict.fromkeys(words.word(part.source, "sources") for part in minor))
+        kinds = ", ".join(sorted({part.kind for part in minor}))
+        share = math.fsum(share for share in shares if share < _MINOR_SHARE)
+        rows.append((words.label("others"), kinds, _standard(together, words), _percent(share, words), names))
+    return tuple(rows)
 
 
 def _by_gum(dof: float, words: Catalogue) -> str:

@@ -18,7 +18,7 @@ from benchctl.recordings.reader import Recording
 from benchctl.recordings.stated import expired_of
 from benchctl.reports import setup_section, text
 from benchctl.reports.acceptance.catalogue import Catalogue, duration, exact
-from benchctl.reports.acceptance.document import EquipmentRow, Row, Table
+from benchctl.reports.acceptance.document import EquipmentRow, Row
 from benchctl.reports.coefficient_tables import Coefficient
 from benchctl.reports.results import name_of, source_digest
 from benchctl_instruments.errors import UsageError
@@ -140,23 +140,6 @@ def traceability(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue
         (words.label("judged_with"), _versions({name: software()[name] for name in _JUDGED_WITH})),
     )
     return tuple((name, value) for name, value in rows if value)
-
-
-def step_table(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> Table:
-    """Return all steps of the recording with their complete digests."""
-    return Table(
-        headings=(*(words.label(key) for key in ("step_number", "step_name", "step_kind")), "SHA-256"),
-        rows=tuple(
-            (
-                str(info.index),
-                info.name,
-                words.word(info.kind, "kinds"),
-                acceptance.step_digests.get(info.index) or info.digest or text.NOT_KNOWN,
-            )
-            for info in facts.infos
-        ),
-        numeric=(True, False, False, False),
-    )
 
 
 def deviations(facts: RecordingFacts, words: Catalogue) -> tuple[str, ...]:

@@ -39,8 +39,6 @@ _NARROW_SHARE = 0.22
 """Columns up to this width relative to the page are not narrowed."""
 _HEADING_NEEDS_MM = 34.0
 """Minimum space for a heading and its content; otherwise the heading starts a new page."""
-_MONO_PT, _MONO_ADVANCE = 6.0, 0.602
-_MONO = FontFace(family="mono", size_pt=_MONO_PT)
 _CAPTION_MM = 9.0
 _FEWEST_FOLDED, _FEWEST_ROWS, _GUTTER_MM = 13, 4, 7.0
 _SPACES = " \u00a0\u202f"
@@ -177,18 +175,15 @@ class Sheet(FPDF):
         small: bool = False,
         looks: Callable[[int, int], FontFace | None] = lambda row, column: None,
         links: Sequence[int | None] = (),
-        mono_last: bool = False,
     ) -> None:
         """Print a table whose headings are repeated on each page; `fill`: it has the full width of the page.
-
-        `mono_last`: the last column contains digests, printed in a monospaced font.
 
         `looks` returns the font of a cell by its row and column; `links` are the targets of each row's last cell.
         Without headings, none are printed.
         """
         size = _SMALL_PT if small else _BODY_PT - 0.5
         all_rows = [*([headings] if headings else []), *rows]
-        widths = self._column_widths(all_rows, size, fill=fill, mono_last=mono_last)
+        widths = self._column_widths(all_rows, size, fill=fill)
         self._ink(INK, size)
         self.set_draw_color(*RULE)
         self.set_line_width(0.15)
@@ -208,7 +203,6 @@ class Sheet(FPDF):
                 _fill(table.row(), headings, [None] * len(headings), None)
             for number, cells in enumerate(rows):
                 faces = [looks(number, place) for place in range(len(cells))]
-                faces[-1] = _MONO if mono_last else faces[-1]
                 _fill(table.row(), cells, faces, links[number] if links else None)
         self.ln(2.0)
 
@@ -278,9 +272,7 @@ class Sheet(FPDF):
             small=True,
         )
 
-    def _column_widths(
-        self, rows: Sequence[Sequence[str]], size: float, *, fill: bool, mono_last: bool = False
-    ) -> list[float]:
+    def _column_widths(self, rows: Sequence[Sequence[str]], size: float, *, fill: bool) -> list[float]:
         """Return column widths for text on one line; if the sum is too large, wide columns wrap between words."""
         pad = _CELL_PADDING_MM[1] + _CELL_PADDING_MM[3] + 0.6
         columns = list(zip(*rows, strict=True))
@@ -288,8 +280,6 @@ class Sheet(FPDF):
         least = [
             max(self._width(word, "B", size) for cell in column for word in cell.split(" ")) + pad for column in columns
         ]
-        if mono_last:
-            natural[-1] = least[-1] = max(map(len, columns[-1])) * _MONO_ADVANCE * _MONO_PT * _MM_PER_PT + pad
         if sum(natural) > self.epw:
             natural = _yielding(natural, [min(one, _WIDEST_SHARE * self.epw) for one in least], self.epw)
         total = sum(natural)

@@ -13,7 +13,7 @@ from benchctl.recordings.model import Unit
 from benchctl.reports.acceptance.build import report_of
 from benchctl.reports.acceptance.catalogue import LANGUAGES, catalogue
 from benchctl.reports.acceptance.pdf import pdf
-from tests.benchctl.reports.acceptance.example import DIGESTS, HOSTILE, acceptance, facts, report
+from tests.benchctl.reports.acceptance.example import HOSTILE, acceptance, facts, report
 
 A4_PT = (595.28, 841.89)
 MARGIN_PT = 40.0
@@ -82,7 +82,6 @@ def test_it_says_what_the_page_says(documents: dict[str, bytes], language: str) 
             sentences += [cell for row in test.points.rows for cell in row]
     missing = [one for one in sentences if letters(one) not in told]
     assert missing == []
-    assert all(digest in told for digest in DIGESTS.values())
 
 
 def letters(text: str) -> str:
