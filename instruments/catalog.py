@@ -37,6 +37,8 @@ _FOLDERS: dict[Kind, str] = {
 }
 DRIVERS, TWINS = "benchctl.instruments", "benchctl.simulated"
 PROFILE = ".toml"
+MANUAL = "manual"
+"""The model of a rate table without a wire: an operator sets its rates."""
 
 
 def is_profile(model: str) -> bool:

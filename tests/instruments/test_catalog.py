@@ -8,7 +8,7 @@ from benchctl_instruments.errors import UsageError
 from tests.instruments.chambers.lab_controllers import BRAND
 
 OURS: dict[Kind, tuple[str, ...]] = {
-    "rate_table": ("acutrol3000", "aerotech_ensemble", "newport_esp301"),
+    "rate_table": ("acutrol3000", "aerotech_ensemble", "manual", "newport_esp301"),
     "chamber": (
         "binder_mb2",
         "csz_ezt430i",

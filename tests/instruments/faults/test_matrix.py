@@ -11,7 +11,7 @@ from typing import get_args
 
 import pytest
 
-from benchctl_instruments.catalog import models
+from benchctl_instruments.catalog import MANUAL, models
 from benchctl_instruments.simulated.faults.bench import AnyLinkFault, AnyMachineFault, AnyStreamFault
 from benchctl_instruments.simulated.faults.schedule import FaultTable
 from benchctl_instruments.simulated.faults.stream_faults import FrameFault
@@ -76,9 +76,8 @@ def test_a_fault_of_a_gyros_line_ends_a_run_as_the_table_says(row: Row, fault: s
 
 def test_every_driver_stands_in_the_table() -> None:
     for kind in ("rate_table", "chamber", "digitizer", "gyro"):
-        assert {row.model for row in (*ROWS, *GYROS) if row.kind == kind} == set(models(kind)), (
-            "a driver without a row in rows.py"
-        )
+        wired = set(models(kind)) - {MANUAL}
+        assert {row.model for row in (*ROWS, *GYROS) if row.kind == kind} == wired, "a driver without a row in rows.py"
 
 
 def test_no_cell_is_empty() -> None:

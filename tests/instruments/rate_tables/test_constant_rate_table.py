@@ -87,6 +87,7 @@ def test_the_catalog_knows_without_an_instrument_which_tables_have_a_sinusoid() 
     assert {model: oscillates(model) for model in models("rate_table")} == {
         "acutrol3000": True,
         "aerotech_ensemble": False,
+        "manual": False,
         "newport_esp301": False,
     }
 
