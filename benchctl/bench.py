@@ -17,7 +17,7 @@ from benchctl.tables import Table
 from benchctl.toml_file import line_of, named_place, parse_toml, read_text
 from benchctl.units import quantity, unit_stated
 from benchctl_instruments.arrays import FloatArray
-from benchctl_instruments.catalog import find_profile, is_profile
+from benchctl_instruments.catalog import MANUAL, find_profile, is_profile
 from benchctl_instruments.chambers.profile import parse_profile, profile_name
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.simulated.faults.bench import AnyFault
@@ -41,6 +41,9 @@ thermistor, and `encoder_dps` is the table's rate from the digitizer's count, in
 
 _INTERLOCKED = {"degC": ("degC", "K"), "degC or K": ("degC", "K")}
 """By the unit that a quantity's name states: the units of its limits and of its hysteresis, if these differ."""
+
+HAND_ERROR_PERCENT = 10.0
+"""Default of `limits.motion_error_percent` with a rate table that is turned by hand."""
 
 SIMULATED = "simulated"
 """The name of the bench that needs no file and no hardware."""
@@ -103,7 +106,8 @@ class Limits(Table):
         default=2.0,
         ge=0,
         title="Motion, relative",
-        description="The same as a share of the rate that is demanded; the larger of the two counts.",
+        description="The same as a share of the rate that is demanded; the larger of the two counts."
+        " Without it, 10 with a manual rate table.",
     )
 
     @model_validator(mode="after")
@@ -111,6 +115,10 @@ class Limits(Table):
         if self.coldest_c >= self.hottest_c:
             raise ValueError(f"coldest_c ({self.coldest_c:g}) must be below hottest_c ({self.hottest_c:g})")
         return self
+
+    def motion_tolerance_dps(self, demand_dps: float) -> float:
+        """Return by how much the encoder's rate may differ from a demanded one [deg/s]."""
+        return max(self.motion_error_dps, self.motion_error_percent / 100.0 * abs(demand_dps))
 
 
 class Safe(Table):
@@ -396,6 +404,14 @@ class Bench(Table):
     _text: str = PrivateAttr(default="")
     _chamber_profile: str = PrivateAttr(default="")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _set_by_hand(cls, data: Any) -> Any:
+        match data:
+            case {"rate_table": {"model": "manual"}, "limits": dict(limits)}:
+                return {**data, "limits": {"motion_error_percent": HAND_ERROR_PERCENT, **limits}}
+        return data
+
     @model_validator(mode="after")
     def _reachable(self) -> Bench:
         if not self.limits.coldest_c <= self.safe.chamber_c <= self.limits.hottest_c:
@@ -405,8 +421,11 @@ class Bench(Table):
                 f"safe.hang_s ({self.safe.hang_s:g}) must be longer than limits.silence_s ({self.limits.silence_s:g}), "
                 "for which a silent instrument is waited for"
             )
+        if self.by_hand and self.rate_table.address is not None:
+            raise ValueError("rate_table.address: a manual table has no wire; leave it out")
         if not self.simulated:
-            if missing := [f"{name}.address" for name, entry in self.entries.items() if entry.address is None]:
+            wired = {name: entry for name, entry in self.entries.items() if entry.model != MANUAL}
+            if missing := [f"{name}.address" for name, entry in wired.items() if entry.address is None]:
                 raise ValueError(f"{', '.join(missing)} must be given where simulated is not true")
             if self.effects:
                 raise ValueError("[effects] is played by simulated instruments only, and simulated is not true")
@@ -431,6 +450,11 @@ class Bench(Table):
         """The instruments by their role."""
         found = {"rate_table": self.rate_table, "chamber": self.chamber, "digitizer": self.digitizer}
         return found if self.gyro is None else {**found, "gyro": self.gyro}
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether an operator sets the rates of the rate table, which no program can stop."""
+        return self.rate_table.model == MANUAL
 
     @property
     def recorded_hz(self) -> float:

@@ -19,7 +19,7 @@ from benchctl.bench import Bench
 from benchctl.metrology.limit_file import LimitFile
 from benchctl.metrology.names import UNITS
 from benchctl.units import unit_stated
-from benchctl_instruments.catalog import Kind, models
+from benchctl_instruments.catalog import MANUAL, Kind, models
 from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
 from benchctl_instruments.physics.effects.registry import effects
 from benchctl_instruments.simulated.faults.bench import AnyFault
@@ -186,18 +186,21 @@ def _parameter(name: str, parameter: Parameter | None) -> Schema:
 def _rules_of_a_bench() -> list[Schema]:
     """Return the rules between tables."""
     real = {"properties": {"simulated": {"const": False}}}
-    placed = {"required": ["address"]}
+    placed: Schema = {"required": ["address"]}
+    manual: Schema = {"properties": {"model": {"const": MANUAL}}}
     return [
         {
             "if": real,
             "then": {
                 "properties": {
-                    **dict.fromkeys(("rate_table", "chamber", "digitizer", "gyro"), placed),
+                    "rate_table": {"anyOf": [manual, placed]},
+                    **dict.fromkeys(("chamber", "digitizer", "gyro"), placed),
                     "effects": {"maxProperties": 0},
                     "faults": {"maxItems": 0},
                 }
             },
         },
+        {"properties": {"rate_table": {"anyOf": [{"not": manual}, {"not": placed}]}}},
         {
             "if": {"not": {"required": ["gyro"]}},
             "then": {"properties": {"faults": {"items": {"not": {"properties": {"on": {"const": "gyro"}}}}}}},

@@ -31,6 +31,7 @@ from benchctl.recordings.journal import append_event
 from benchctl.recordings.recover import recover
 from benchctl.recordings.schema import JOURNAL, RECORDING
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.rate_tables.manual import WARNING
 
 _UNWATCHED: AbstractContextManager[Progress] = nullcontext(no_progress)
 
@@ -94,6 +95,8 @@ def play(
         answers.refuse_unanswered(questions_asked(plan, bench, past))
     for certificate in expiring(plan, bench, past.first if past else 1):
         watch.warn(certificate.says)
+    if bench.by_hand:
+        watch.warn(WARNING)
     elapsed_s = past.elapsed_s if past else 0.0
     if past is not None:
         forget_stale_stop(folder)
@@ -215,7 +218,8 @@ def questions_asked(plan: Plan, bench: Bench, past: Past | None = None) -> list[
     """Return the questions to an operator, in their order, when a plan is run or resumed."""
     to_play = steps_to_play(plan, past.infos if past else (), bench.safe.chamber_c)
     may_be_off = past is not None and past.may_be_off
-    return list(questions(((number, step) for _, number, step in to_play), bench.unit.serial, may_be_off=may_be_off))
+    steps = ((number, step) for _, number, step in to_play)
+    return list(questions(steps, bench.unit.serial, may_be_off=may_be_off, by_hand=bench.by_hand))
 
 
 def new_folder(procedure: str, serial: str) -> Path:

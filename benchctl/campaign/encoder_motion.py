@@ -139,7 +139,7 @@ class HeldMotion:
         limits, demand_dps = bench.limits, abs(self._rate_dps) + self._amplitude_dps
         share = limits.motion_error_percent / 100.0
         error_dps = between_edges * self._amplitude_dps + 2.0 * _error_deg(bench) * rate_hz / window
-        self._tolerance_dps = max(limits.motion_error_dps, share * demand_dps) + error_dps
+        self._tolerance_dps = limits.motion_tolerance_dps(demand_dps) + error_dps
         granted_dps = max(limits.motion_error_dps, max(AMPLITUDE_SHARE, share) * self._amplitude_dps)
         self._amplitude_tolerance_dps = granted_dps + math.sqrt(2.0) / self._seen_share * error_dps  # of two rates
 

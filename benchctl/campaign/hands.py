@@ -1,4 +1,4 @@
-"""Operator actions: switch the unit's supply, mount the unit, or another request of a plan; and who performs them.
+"""Operator actions: switch the unit's supply, mount the unit, turn a manual table, or another request; and by whom.
 
 All questions of a plan are known before anything moves. Without an operator, a file can provide the answers. It is
 TOML: each question in full, as `benchctl check` lists it, and its answer, `done` or `refuse`:
@@ -26,11 +26,12 @@ from benchctl.campaign.stop import StoppedError
 from benchctl.closeness import nearest
 from benchctl.documents import toml_document
 from benchctl.limits import cut, shown
-from benchctl.plan import Ask, Mount, PowerCycle, Step
+from benchctl.plan import Ask, ConstantRate, Mount, PowerCycle, Step, ThermalRamp
 from benchctl.plan.steps import ByHand
 from benchctl.toml_file import read_text
 from benchctl_instruments.errors import SafetyError, UsageError
 from benchctl_instruments.mounting import Position
+from benchctl_instruments.simulated.manual import turn_by_hand
 from benchctl_instruments.simulated.world import World
 
 
@@ -52,14 +53,38 @@ def mount_question(unit: str, position: Position) -> str:
     return f"mount unit {unit} with its input axis {position} the table's axis, then stand clear of the table"
 
 
-def questions(steps: Iterable[tuple[int, Step]], unit: str, *, may_be_off: bool = False) -> Iterator[Question]:
+STOP_QUESTION = "stop the table"
+
+
+def turn_question(rate_dps: float) -> str:
+    """Return the question to set a rate of a manual table [deg/s], or to stop it (0)."""
+    if not rate_dps:
+        return STOP_QUESTION
+    way = "counter-clockwise" if rate_dps > 0 else "clockwise"
+    return f"set the table to {rate_dps:+g} deg/s ({way} from above) and wait until it turns steadily"
+
+
+def turned_dps(step: Step) -> float:
+    """Return the constant rate of the table in a step [deg/s]."""
+    return step.rate_dps if isinstance(step, ConstantRate | ThermalRamp) else 0.0
+
+
+def questions(
+    steps: Iterable[tuple[int, Step]], unit: str, *, may_be_off: bool = False, by_hand: bool = False
+) -> Iterator[Question]:
     """Yield all questions of some steps, given with their number in the plan, in the plan's order.
 
-    `may_be_off`: the first question is to switch the unit's supply on, as after an interrupted power cycle.
+    `may_be_off`: the first question is to switch the unit's supply on, as after an interrupted power cycle. `by_hand`:
+    the table is a manual one.
     """
+    number, turns = 0, False
     for place, (number, step) in enumerate(steps):
         if may_be_off and place == 0:
             yield Question(step=number, says=power_question(unit, True))
+        rate_dps = turned_dps(step) if by_hand else 0.0
+        if rate_dps or turns:
+            yield Question(step=number, says=turn_question(rate_dps))
+        turns = bool(rate_dps)
         match step:
             case PowerCycle():
                 yield Question(step=number, says=power_question(unit, False))
@@ -68,6 +93,8 @@ def questions(steps: Iterable[tuple[int, Step]], unit: str, *, may_be_off: bool 
                 yield Question(step=number, says=mount_question(unit, step.position))
             case Ask():
                 yield Question(step=number, says=step.says)
+    if turns:
+        yield Question(step=number, says=STOP_QUESTION)
 
 
 Meanwhile = Callable[[], None]
@@ -84,6 +111,9 @@ class Hands(Protocol):
 
     def mount(self, position: Position, meanwhile: Meanwhile) -> None:
         """Mount the unit with its input axis along or across the table's axis."""
+
+    def turn(self, rate_dps: float, meanwhile: Meanwhile) -> None:
+        """Set the rate of a manual table [deg/s], positive counter-clockwise from above, or stop it (0)."""
 
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
         """Perform the requested action."""
@@ -104,18 +134,26 @@ class NoHands:
         """Raise `SafetyError`."""
         raise SafetyError(f"the unit must be mounted {position} by an operator; run it at a terminal")
 
+    def turn(self, rate_dps: float, meanwhile: Meanwhile) -> None:
+        """Raise `SafetyError`."""
+        raise SafetyError(f"an operator must {turn_question(rate_dps)}; run it at a terminal")
+
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
         """Raise `SafetyError`."""
         raise SafetyError(f"an operator must {says}; run it at a terminal")
 
 
+HAND_ERROR = 0.03
+"""Relative error of the rates that the simulated operator sets, too high and too low in turn."""
+
+
 class SimulatedHands:
-    """Operator actions on a simulated bench in this process; they take no time."""
+    """Operator actions on a simulated bench in this process; only those on a manual table take time."""
 
     who = "the simulated bench"
 
     def __init__(self, world: World) -> None:
-        self._world = world
+        self._world, self._error = world, HAND_ERROR
 
     def power(self, on: bool, meanwhile: Meanwhile) -> None:
         """Switch the supply of the simulated gyro."""
@@ -124,6 +162,12 @@ class SimulatedHands:
     def mount(self, position: Position, meanwhile: Meanwhile) -> None:
         """Mount the simulated gyro."""
         self._world.mount(position)
+
+    def turn(self, rate_dps: float, meanwhile: Meanwhile) -> None:
+        """Turn the simulated table after a while, at nearly that rate."""
+        meanwhile()
+        turn_by_hand(self._world.table, rate_dps * (1.0 + self._error))
+        self._error = -self._error
 
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
         """Do nothing: the simulated bench has neither door nor cable."""
@@ -147,6 +191,10 @@ class OperatorHands:
         """Ask the operator to mount the unit."""
         _ask(mount_question(self._unit, position), meanwhile)
 
+    def turn(self, rate_dps: float, meanwhile: Meanwhile) -> None:
+        """Ask the operator to set the rate."""
+        _ask(turn_question(rate_dps), meanwhile, at_rest=False)
+
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
         """Ask the operator to perform the requested action."""
         _ask(says, meanwhile)
@@ -159,10 +207,21 @@ def hands_at_the_terminal(bench: Bench) -> Hands:
     return NoHands()
 
 
-def refuse_without_hands(procedure: str, steps: Iterable[tuple[int, Step]], hands: Hands) -> None:
-    """Raise `UsageError` if a step, given with its number in the plan, needs an operator and there is none."""
+def request_turn(rate_dps: float) -> None:
+    """Request a rate of a manual table, or a stop, on stderr, without waiting for an answer."""
+    warning = "" if rate_dps else " NOW: nobody else can; benchctl waits until the encoder shows it at rest"
+    say(f"{turn_question(rate_dps)}{warning}")
+
+
+def refuse_without_hands(
+    procedure: str, steps: Iterable[tuple[int, Step]], hands: Hands, *, by_hand: bool = False
+) -> None:
+    """Raise `UsageError` if a step, given with its number in the plan, needs an operator and there is none.
+
+    `by_hand` is as for `questions`.
+    """
     for number, step in steps:
-        if isinstance(step, ByHand) and not hands.who:
+        if (isinstance(step, ByHand) or (by_hand and turned_dps(step))) and not hands.who:
             raise UsageError(
                 f"procedure {procedure}, step {number}: {step.label}: somebody has to do it by hand, and nobody can be "
                 "asked; run it at a terminal (stdin and stderr), with --answers FILE, or on a bench with simulated = "
@@ -178,18 +237,20 @@ _DONE = {b"", b"done", b"ok", b"y", b"yes"}
 _REFUSED = {b"refuse", b"n", b"no"}
 
 
-def _ask(what: str, meanwhile: Meanwhile) -> None:
+def _ask(what: str, meanwhile: Meanwhile, *, at_rest: bool = True) -> None:
     """Print what to do and wait until the operator confirms; repeat the prompt after an unknown answer."""
     terminal = sys.stdin.fileno()
     _forget_typed(terminal)
-    _say(f"the table is at rest: {what}; then press Enter. (To end the run instead, type refuse.)")
+    where = "the table is at rest: " if at_rest else ""
+    say(f"{where}{what}; then press Enter. (To end the run instead, type refuse.)")
     while (answer := _answered(terminal, what, meanwhile)) not in _DONE:
         if answer in _REFUSED:
             raise StoppedError(f"stopped by the operator at the terminal: refused to {what}")
-        _say("press Enter once it is done, or type refuse and press Enter.")
+        say("press Enter once it is done, or type refuse and press Enter.")
 
 
-def _say(text: str) -> None:
+def say(text: str) -> None:
+    """Print a line to the operator on stderr."""
     with contextlib.suppress(OSError):  # a closed terminal gives no answer either
         sys.stderr.write(f"benchctl: {text}\n")
         sys.stderr.flush()
@@ -290,6 +351,14 @@ class AnsweringHands:
         self._answer(mount_question(self._unit, position))
         if self._then is not None:
             self._then.mount(position, meanwhile)
+
+    def turn(self, rate_dps: float, meanwhile: Meanwhile) -> None:
+        """Set the rate, or end the run; what somebody has to do now is printed on stderr."""
+        self._answer(turn_question(rate_dps))
+        if self._then is None:
+            say(turn_question(rate_dps))
+        else:
+            self._then.turn(rate_dps, meanwhile)
 
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
         """Perform the requested action, or end the run."""

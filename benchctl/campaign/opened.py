@@ -7,12 +7,13 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Any, cast
 
 import tomli_w
 
 from benchctl.bench import Bench, InstrumentEntry
-from benchctl.campaign.hands import Hands, NoHands, SimulatedHands, hands_at_the_terminal
+from benchctl.campaign.hands import Hands, NoHands, SimulatedHands, hands_at_the_terminal, request_turn
 from benchctl.campaign.reserved import reserved
 from benchctl.closeness import meant
 from benchctl.processors import on_one_processor
@@ -21,6 +22,7 @@ from benchctl_instruments.errors import BenchError, BenchNotReadyError, UsageErr
 from benchctl_instruments.interfaces import Chamber, Clock, Digitizer, Gyro, Identity, Instrument, RateTable
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.making import make_effects
+from benchctl_instruments.rate_tables.manual import ManualTable, WatchedDigitizer
 from benchctl_instruments.simulated.bench import SimulatedBench, twin_keywords
 from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
 from benchctl_instruments.simulated.direct import DirectChamber, DirectDigitizer, DirectRateTable
@@ -106,6 +108,10 @@ def open_bench(
                 "chamber": DirectChamber(world),
                 "digitizer": DirectDigitizer(world, adc_range_v=bench.digitizer.adc_range_v),
             }
+            if bench.by_hand:
+                instruments |= _turned_by_hand(bench, clock, instruments["digitizer"])
+        if isinstance(table := instruments["rate_table"], ManualTable):
+            table.operator = partial(hands.turn, meanwhile=lambda: None) if bench.simulated else request_turn
         identities = _open_all(stack, instruments, bench)
         if "digitizer" in abandoned:
             instruments["digitizer"].stop_stream()  # left streaming by a killed run on this machine
@@ -206,8 +212,18 @@ def effects_of(bench: Bench, settings: WorldSettings) -> tuple[PhysicalEffect, .
 
 def drivers_at(bench: Bench, clock: Clock, addresses: Mapping[str, str]) -> dict[str, Any]:
     """Return the drivers of a bench, not yet opened, at these or their own addresses; `UsageError` for bad options."""
-    kinds: tuple[Kind, ...] = ("rate_table", "chamber", "digitizer", *(("gyro",) if bench.gyro else ()))
-    return {kind: driver_at(bench, kind, clock, addresses) for kind in kinds}
+    wired = [name for name in bench.entries if name != "rate_table" or not bench.by_hand]
+    found: dict[str, Any] = {kind: driver_at(bench, cast("Kind", kind), clock, addresses) for kind in wired}
+    return found | (_turned_by_hand(bench, clock, found["digitizer"]) if bench.by_hand else {})
+
+
+def _turned_by_hand(bench: Bench, clock: Clock, digitizer: Digitizer) -> dict[str, Any]:
+    """Return the driver of a manual table, and the digitizer that measures its motion."""
+    entry = bench.digitizer
+    degrees_per_count = entry.encoder_sign * 360.0 / entry.encoder_counts_per_rev
+    watched = WatchedDigitizer(digitizer, clock=clock, degrees_per_count=degrees_per_count)
+    table = _driver("rate_table", bench.rate_table, clock, {}, {"encoder": watched})
+    return {"rate_table": table, "digitizer": watched}
 
 
 def driver_at(bench: Bench, kind: Kind, clock: Clock, addresses: Mapping[str, str]) -> Any:
@@ -286,7 +302,8 @@ def bench_toml_at(bench: Bench, addresses: Mapping[str, str], speed: float) -> s
     for table in _LEFT_OUT:
         document.pop(table, None)
     for name in bench.entries:
-        document[name]["address"] = addresses[name]
+        if name != "rate_table" or not bench.by_hand:
+            document[name]["address"] = addresses[name]
     document["chamber"]["model"] = bench.chamber.model  # a profile's full path: the new file may be in another folder
     if "digitizer_stream" in addresses:
         document["digitizer"]["stream_address"] = addresses["digitizer_stream"]

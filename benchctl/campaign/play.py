@@ -234,8 +234,9 @@ class StepPlayer:
         self.notify("spinning up")
         limits = self.opened.bench.limits
         self.opened.table.go_to_rate(rate_dps)
+        by_hand = self.opened.bench.by_hand
         deadline_s = self.opened.clock.now() + 10.0 + 4 * limits.rate_dps / limits.acceleration_dps2
-        tolerance_dps = max(0.05, 0.002 * abs(rate_dps))
+        tolerance_dps = limits.motion_tolerance_dps(rate_dps) if by_hand else max(0.05, 0.002 * abs(rate_dps))
         while abs(self.opened.table.read().rate_dps - rate_dps) > tolerance_dps:
             if self.opened.clock.now() > deadline_s:
                 reading = self.opened.table.read()
@@ -277,7 +278,7 @@ def power_cycle(player: StepPlayer, step: PowerCycle, into: StepWriter) -> Span:
     """Have the supply switched off and on; the span lasts from off to on."""
     clock = player.opened.clock
     _rest_confirmed(player)
-    _have_done(player, "supply off", lambda hands, meanwhile: hands.power(False, meanwhile))
+    have_done(player, "supply off", lambda hands, meanwhile: hands.power(False, meanwhile))
     off_s, end_s, polled = player.now_s(), clock.now() + step.off_s, False
     while clock.now() < end_s or not polled:
         player.notify("supply off")
@@ -307,14 +308,14 @@ def switch_on(player: StepPlayer) -> None:
 
 
 def _have_switched_on(player: StepPlayer) -> None:
-    _have_done(player, "supply on", lambda hands, meanwhile: hands.power(True, meanwhile))
+    have_done(player, "supply on", lambda hands, meanwhile: hands.power(True, meanwhile))
 
 
 def _done_at_rest(player: StepPlayer, says: str, into: StepWriter, act: Callable[[Hands, Meanwhile], None]) -> Span:
     """Have an action performed while the table is at rest, then record one poll."""
     _rest_confirmed(player)
     begun_s = player.now_s()
-    _have_done(player, says, act)
+    have_done(player, says, act)
     _rest_confirmed(player)
     while not _poll(player, into):
         player.wait(player.opened.clock.chunk_s)
@@ -327,7 +328,8 @@ def _rest_confirmed(player: StepPlayer) -> None:
     player.rest(_SETTLE_S)
 
 
-def _have_done(player: StepPlayer, says: str, act: Callable[[Hands, Meanwhile], None]) -> None:
+def have_done(player: StepPlayer, says: str, act: Callable[[Hands, Meanwhile], None]) -> None:
+    """Have an operator perform an action; the bench is supervised while the operator is waited for."""
     opened, supervisor = player.opened, player.supervisor
     began_s, waits = opened.clock.now(), False
 

@@ -22,6 +22,7 @@ from benchctl.campaign.safety import SafeState, Supervisor, bring_to_rest, refus
 from benchctl.campaign.stop import StoppedError, StopRequest
 from benchctl.campaign.stream import StepError
 from benchctl.campaign.timing import plan_events, timeline
+from benchctl.campaign.turning import turned_by_operator
 from benchctl.plan import Plan, Step, ThermalRamp
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.model import Status
@@ -137,7 +138,8 @@ def run_campaign(
     """
     refuse_problems(plan, opened.bench, folder)
     to_play = steps_to_play(plan, past.infos if past else (), opened.bench.safe.chamber_c)
-    refuse_without_hands(plan.procedure, ((number, step) for _, number, step in to_play), opened.hands)
+    by_hand = opened.bench.by_hand
+    refuse_without_hands(plan.procedure, ((number, step) for _, number, step in to_play), opened.hands, by_hand=by_hand)
     if past is not None:
         refuse_other_instruments(past.meta, opened.identities)
     refuse_bench_in_use(opened)
@@ -216,7 +218,7 @@ class _Run:
         """Play all steps, then bring the bench to rest, then close the recording."""
         reason = "a fault of the program"
         try:
-            with _recoveries_told(self.event):
+            with _recoveries_told(self.event), turned_by_operator(self._player):
                 self._play_steps()
             self.status, reason = "complete", ""
         except StoppedError as err:
@@ -273,6 +275,8 @@ class _Run:
                     self._play_step(self._free_index(), number, soak)
                 self._play_step(index, number, step)
         self._notify("coming to rest")
+        if self.opened.bench.by_hand:
+            self._player.rest(0.0)
 
     def _play_step(self, index: int, number: int, step: Step) -> None:
         self._step_began_s = self.opened.clock.now()

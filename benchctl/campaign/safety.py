@@ -25,6 +25,9 @@ AIR_MARGIN_C = 3.0
 _LOOK_FOR_MOTION_S = 1.0
 """Bench time in which a table that no program uses is found to be at rest."""
 
+HAND_CHUNKS = 240
+"""Time for an operator to stop a manual table, in chunks of the clock: 120 s if bench time is wall time."""
+
 Event = Callable[..., None]
 Answer = TypeVar("Answer")
 
@@ -176,22 +179,34 @@ def refuse_bench_in_use(opened: OpenBench) -> None:
 def bring_to_rest(opened: OpenBench, beat: Callable[[], None] = lambda: None) -> SafeState:
     """Stop the stream and the table, send the chamber to its safe set point, and read both back; never raises.
 
-    A failure of one instrument does not keep the others from being brought to rest. `beat` is called meanwhile.
+    A failure of one instrument does not keep the others from being brought to rest. A manual table is waited for last,
+    because its operator needs time. `beat` is called meanwhile.
     """
     problems: list[str] = []
     remarks: list[str] = []
     safe_c = opened.bench.safe.chamber_c
-    rate_dps = _guarded(problems, "rate_table", lambda: stop_table(opened.table, opened.clock, rest_s(opened), beat))
+    rate_dps = None
+
+    def stopped() -> float:
+        return stop_table(opened.table, opened.clock, rest_s(opened), beat)
+
+    if opened.bench.by_hand:
+        _guarded([], "rate_table", opened.table.stop)
+    else:
+        rate_dps = _guarded(problems, "rate_table", stopped)
     beat()
     setpoint_c = _guarded(problems, "chamber", lambda: send_home(opened.chamber, safe_c, remarks.append))
     beat()
+    if opened.bench.by_hand:
+        rate_dps = _guarded(problems, "rate_table", stopped)
     _guarded(problems, "digitizer", opened.digitizer.stop_stream)
     return SafeState(rate_dps=rate_dps, chamber_setpoint_c=setpoint_c, problems=tuple(problems), remarks=tuple(remarks))
 
 
 def rest_s(opened: OpenBench) -> float:
-    """Return the bench time [s] within which this bench's table comes to rest from any possible rate."""
-    return rest_within_s(opened.bench.limits.rate_dps, opened.bench.limits.acceleration_dps2)
+    """Return the bench time [s] within which this bench's table comes to rest, or is stopped by its operator."""
+    by_itself_s = rest_within_s(opened.bench.limits.rate_dps, opened.bench.limits.acceleration_dps2)
+    return by_itself_s + (HAND_CHUNKS * opened.clock.chunk_s if opened.bench.by_hand else 0.0)
 
 
 def _one(value: float) -> Range:

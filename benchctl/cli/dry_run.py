@@ -18,6 +18,7 @@ from benchctl.cli.messages import duration, size
 from benchctl.cli.output import Result
 from benchctl.plan import Plan, Sine, Step, ThermalRamp
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.rate_tables.manual import WARNING
 
 _WORDS = {
     "static": "at rest",
@@ -77,6 +78,7 @@ def preview(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | No
     free = free_bytes(out)
     found += room_problems(plan, bench, out) if playable else []
     warnings = [each.says for each in expiring(plan, bench, past.first if past else 1)] if playable else []
+    warnings += [WARNING] if bench.by_hand else []
     questions = questions_asked(plan, bench, past)
     result.values |= {
         "steps": len(left.steps),
@@ -133,5 +135,6 @@ def preview_run(
     elif not bench.simulated:
         to_play = steps_to_play(plan, past.infos if past else (), bench.safe.chamber_c)
         hands = hands_at_the_terminal(bench)
-        refuse_without_hands(plan.procedure, ((number, step) for _, number, step in to_play), hands)
+        steps = ((number, step) for _, number, step in to_play)
+        refuse_without_hands(plan.procedure, steps, hands, by_hand=bench.by_hand)
     result.say("a dry run: no instrument was opened, and nothing has moved or been written")

@@ -24,6 +24,7 @@ from benchctl.locks import held
 from benchctl_instruments.catalog import Kind
 from benchctl_instruments.errors import BenchNotReadyError, UsageError
 from benchctl_instruments.links.address import Address, parse_address
+from benchctl_instruments.rate_tables.manual import ONLY_THE_OPERATOR
 
 LIMIT_S = 30.0
 """Wall time for one instrument: its driver's timeouts, and the search for the cause if it does not answer."""
@@ -49,6 +50,10 @@ def line_findings(bench: Bench, limit_s: float = LIMIT_S) -> Iterator[Finding]:
     findings: dict[str, list[Finding]] = {}
     for role in _ROLES:
         if role not in bench.entries:
+            continue
+        if role == "rate_table" and bench.by_hand:
+            do = "stay within reach of it while it turns: a run and its guard only ask for a stop"
+            findings[role] = [look(role, "manual", f"no wire to check. {ONLY_THE_OPERATOR}", do)]
             continue
         try:
             address = parse_address(bench.entries[role].address or "")
@@ -152,7 +157,8 @@ def _simulated(bench: Bench) -> Iterator[Finding]:
         with open_bench(bench, purpose="benchctl doctor") as opened:
             for role, who in opened.identities.items():
                 identity = " ".join(word for word in (who.manufacturer, who.model, who.serial) if word)
-                yield ok(role, "identity", f"simulated; answers over its wire: {identity or 'without an identity'}")
+                how = "has no wire" if role == "rate_table" and bench.by_hand else "answers over its wire"
+                yield ok(role, "identity", f"simulated; {how}: {identity or 'without an identity'}")
     except BenchNotReadyError as err:
         for role, failure in err.failures.items():
             yield bad(

@@ -253,6 +253,17 @@ def test_what_one_table_asks_of_another_is_in_the_schema() -> None:
     assert "there is no [gyro]" in _refused_by_reader(document)
 
 
+def test_a_manual_table_needs_no_address_and_has_none() -> None:
+    document = tomllib.loads(template()) | {"simulated": False}
+    for role in ("chamber", "digitizer"):
+        document[role]["address"] = bench_at({}).entries[role].address
+    document["rate_table"]["model"] = "manual"
+    assert (_refused_by_reader(document), _refused_by_schema(document)) == ("", "")
+    document["rate_table"]["address"] = "tcp://127.0.0.1:1"
+    assert _refused_by_schema(document)
+    assert "a manual table has no wire; leave it out" in _refused_by_reader(document)
+
+
 def test_every_field_has_a_title_and_every_unit_is_said() -> None:
     tables = [("Bench", SCHEMA), *SCHEMA["$defs"].items()]
     fields = [

@@ -153,7 +153,8 @@ class GuardProcess:
 
     def __init__(self, orders: Orders, hang_s: float) -> None:
         self.lost = ""
-        self.promise = f"; a guard process goes on trying, see {orders.journal}"
+        tries = "sends the chamber home, but cannot stop the table" if orders.by_hand else "goes on trying"
+        self.promise = f"; a guard process {tries}, see {orders.journal}"
         self._orders, self._hang_s = orders, hang_s
         self._event: Event = lambda kind, **data: None
         self._replaced = 0
@@ -233,6 +234,6 @@ def _reached(entry: InstrumentEntry, profile: str = "") -> Reached:
         model=entry.model,
         address=address,
         options=entry.options,
-        locks=[str(path) for path in lock_files(address)],
+        locks=[str(path) for path in lock_files(address)] if address else [],
         profile=profile,
     )

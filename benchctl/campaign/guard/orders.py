@@ -31,7 +31,8 @@ BEAT, DONE, HEARD = "beat", "done", "heard"
 class Reached:
     """How to reach an instrument: its driver's model, address and further keywords, and its lock files.
 
-    `profile` is the text of the chamber profile that `model` names, because its file may be gone when it is needed.
+    `profile` is the text of the chamber profile that `model` names, because its file may be gone when it is needed. A
+    manual rate table has no address.
     """
 
     model: str
@@ -58,6 +59,11 @@ class Orders:
     rate_table: Reached
     chamber: Reached
     notify: list[str] = field(default_factory=list)
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether only an operator can stop the table."""
+        return not self.rate_table.address
 
     def as_line(self) -> str:
         """Return the orders as one line of JSON; a date in a driver's options is written as text."""

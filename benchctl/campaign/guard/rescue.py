@@ -4,6 +4,8 @@ Each instrument has a thread and retries, so that a dead instrument, or one whos
 one. A failed action is repeated every half second for ten minutes: by then, a controller that lost power, or a network
 that was down, is back; later, the bench may be in use by another run. The result is written to the campaign's journal,
 synced to the disk at once, to stderr, and as a message to the recipients of `[notify]`.
+
+The guard cannot stop a manual table: it only alarms, on stderr and by a message, before anything else.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from benchctl.recordings.journal import append_event, sync_journal
 from benchctl_instruments.catalog import Kind, driver
 from benchctl_instruments.errors import BenchError, UsageError
 from benchctl_instruments.interfaces import Clock
+from benchctl_instruments.rate_tables.manual import ONLY_THE_OPERATOR
 from benchctl_instruments.simulated.clock import ScaledClock
 
 
@@ -100,16 +103,18 @@ class _Task:
 def rescue(orders: Orders, tell: Callable[[str], None], give_up_s: float = GIVE_UP_S) -> Rescued:
     """Bring the bench to rest, the table first; `tell` receives the start and the first failures.
 
+    A manual table is a problem that remains.
+
     `tell` is called only once the links are being taken over, and from this thread: a hanging disk must not keep the
     table turning.
     """
     clock = ScaledClock(orders.time_factor)
     reports: Said = queue.SimpleQueue()
-    table = _Task("rate_table", lambda: _stop(orders, clock), give_up_s, reports)
+    table = None if orders.by_hand else _Task("rate_table", lambda: _stop(orders, clock), give_up_s, reports)
     chamber = _Task("chamber", lambda: _go_home(orders, clock, reports.put), give_up_s, reports)
     tell("taking over")
     deadline_s = time.monotonic() + give_up_s + GRACE_S
-    busy = 2
+    busy = 1 if table is None else 2
     while busy and (left_s := deadline_s - time.monotonic()) > 0:
         with contextlib.suppress(queue.Empty):
             word = reports.get(timeout=left_s)
@@ -118,9 +123,9 @@ def rescue(orders: Orders, tell: Callable[[str], None], give_up_s: float = GIVE_
             else:
                 tell(word)
     return Rescued(
-        rate_dps=table.read_back,
+        rate_dps=None if table is None else table.read_back,
         chamber_setpoint_c=chamber.read_back,
-        problems=tuple(filter(None, (table.problem, chamber.problem))),
+        problems=tuple(filter(None, (ONLY_THE_OPERATOR if table is None else table.problem, chamber.problem))),
     )
 
 
@@ -159,6 +164,8 @@ def act(orders: Orders, why: str) -> bool:
         except BenchError as err:
             unwritten = f" (not in the journal: {err})"
 
+    if orders.by_hand:
+        _alarm(orders, f"{why}; {ONLY_THE_OPERATOR}: stop it NOW")
     rescued = rescue(orders, tell)
     tell(words(rescued), reason=why, **asdict(rescued))
     with contextlib.suppress(OSError):  # only at the end, because a terminal may be blocked or gone
@@ -167,8 +174,19 @@ def act(orders: Orders, why: str) -> bool:
     return not rescued.problems
 
 
+def _alarm(orders: Orders, says: str) -> None:
+    """Write to stderr and send a message, in a separate thread: a blocked terminal must not delay the chamber."""
+
+    def alarm() -> None:
+        with contextlib.suppress(OSError):
+            os.write(2, f"benchctl guard: {says}\n".encode())
+        _notify(orders, says)
+
+    threading.Thread(target=alarm, name="alarm", daemon=True).start()
+
+
 def _notify(orders: Orders, says: str) -> None:
-    """Send the result as a message, last of all, because a mail server may be slow."""
+    """Send a message; at the end, or in a separate thread, because a mail server may be slow."""
     campaign = orders.journal.parent
     for url in orders.notify:
         try:

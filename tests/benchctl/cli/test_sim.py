@@ -14,7 +14,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 from benchctl.bench import load_bench, template
 from benchctl.recordings.reader import open_recording
-from benchctl_instruments.catalog import models
+from benchctl_instruments.catalog import MANUAL, models
 from tests.benchctl.cli.processes import benchctl, simulated_servers, started, without_a_process
 from tests.instruments.chambers.lab_controllers import ACME
 
@@ -131,7 +131,8 @@ def test_options_that_no_driver_takes_are_refused_before_anything_is_served(tmp_
 @pytest.mark.timeout(180)
 @pytest.mark.parametrize(
     ("kind", "model"),
-    [("chamber", model) for model in models("chamber")] + [("rate_table", model) for model in models("rate_table")],
+    [("chamber", model) for model in models("chamber")]
+    + [("rate_table", model) for model in models("rate_table") if model != MANUAL],
 )
 def test_a_run_beside_the_servers_is_complete_with_every_chamber_and_every_table(
     kind: str, model: str, tmp_path: Path

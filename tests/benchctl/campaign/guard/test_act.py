@@ -61,6 +61,19 @@ def test_instruments_that_are_not_there_are_named(
     assert '"reason": "the runner ended"' in (tmp_path / "journal.jsonl").read_text(encoding="utf-8")
 
 
+def test_a_manual_table_is_an_alarm_and_the_chamber_goes_home(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with in_motion(tmp_path) as (servers, orders):
+        assert not act(replace(orders, rate_table=Reached(model="manual", address="", options={}, locks=[])), "it died")
+        assert servers.world.chamber.setpoint_c() == 23.0
+        assert servers.world.table.motion().rate_dps == pytest.approx(120.0, abs=1.0)
+    alarm, result = capfd.readouterr().err.splitlines()
+    nobody = "rate_table: it is turned by hand: nobody but the operator can stop it"
+    assert alarm == f"benchctl guard: it died; {nobody}: stop it NOW"
+    assert result == f"benchctl guard: it died; chamber set to 23 °C, read back; NOT CONFIRMED: {nobody}; go and look"
+
+
 def _nowhere(model: str, folder: Path) -> Reached:
     return Reached(
         model=model, address="tcp://127.0.0.1:9", options={"timeout_s": 0.1}, locks=[str(folder / f"{model}.lock")]
