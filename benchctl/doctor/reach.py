@@ -40,6 +40,8 @@ _USUAL_PORTS: dict[str, tuple[int, ...]] = {
     "watlow_f4t": (502,),
     "espec_p300": (10001,),
     "binder_mb2": (10001,),
+    "weiss_simserv": (2049,),
+    "weiss_ascii2": (2049,),
 }
 """Factory settings of TCP ports, from makers' documents or published drivers; see the docstrings of our drivers."""
 

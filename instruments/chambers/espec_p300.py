@@ -17,27 +17,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import TypeVar
+from functools import partial
 
-from benchctl_instruments.errors import BenchError, InstrumentError, UsageError
-from benchctl_instruments.interfaces import ChamberReading, Clock, Identity, Instrument
+from benchctl_instruments.chambers.line_chamber import Answer, LineChamber
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.lines import LineDialogue, Manners
 from benchctl_instruments.links.serial_port import byte_link
 from benchctl_instruments.links.tcp import Reconnect
-from benchctl_instruments.links.wirelog import WireLog, note_recovered
+from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import p300
-from benchctl_instruments.protocols.p300 import Temperatures, UnreadableError
+from benchctl_instruments.protocols.p300 import Temperatures
 from benchctl_instruments.recognition import ByLine
 
 BAUD = 9600
-CONFIRM_S, LOOK_AGAIN_S = 2.0, 0.1
 ASK_READY_S = 0.5
 WORDS = {"setpoint_c": "set point", "high_c": "high alarm", "low_c": "low alarm"}
 
-Answer = TypeVar("Answer")
 
-
-class EspecP300(Instrument):
+class EspecP300(LineChamber):
     """Driver of a chamber with an ESPEC P-300 or SCP-220. Not tried on hardware. Thread-safe.
 
     Power is that of the heater only: these controllers do not report the power of the refrigerator.
@@ -79,36 +77,16 @@ class EspecP300(Instrument):
     ) -> None:
         if rs485_address is not None and rs485_address < 1:
             raise UsageError(f"rs485_address = {rs485_address}; give the chamber's number, 1 or more")
-        self._lines = LineDialogue(
+        lines = LineDialogue(
             "ESPEC P300" if rs485_address is None else f"ESPEC P300, number {rs485_address},",
             byte_link(address, default_baud=BAUD, reconnect=reconnect, wire_log=wire_log),
             manners=Manners(timeout_s=timeout_s, pause_s=pause_s),
             clock=clock,
         )
-        self._who = self._lines.who
-        self._clock = clock
+        super().__init__(lines, clock=clock, controller="an ESPEC P-300 or SCP-220")
         self._rs485_address = rs485_address
         self._ready_s = ready_s
         self._alarm_words = dict(alarm_words or {})
-
-    def open(self) -> None:
-        """Connect and check that the right controller answers."""
-        self._lines.open()
-        try:
-            self._ask(p300.TYPE_QUERY, p300.read_type)
-            now = self._temperatures()
-            if now.low_c >= now.high_c:
-                raise InstrumentError(
-                    f"{self._who}: its alarms read {now.low_c:g} and {now.high_c:g} °C, low not below high;"
-                    " check that it is the right model"
-                )
-        except BenchError:
-            self._lines.close()
-            raise
-
-    def close(self) -> None:
-        """Close the link; safe to call twice, and never raises."""
-        self._lines.close()
 
     def identify(self) -> Identity:
         """Return the controller's name and firmware version."""
@@ -164,6 +142,15 @@ class EspecP300(Instrument):
 
     # Reading and writing ----------------------------------------------------------------------------------------------
 
+    def _check_controller(self) -> None:
+        self._ask(p300.TYPE_QUERY, p300.read_type)
+        now = self._temperatures()
+        if now.low_c >= now.high_c:
+            raise InstrumentError(
+                f"{self._who}: its alarms read {now.low_c:g} and {now.high_c:g} °C, low not below high;"
+                " check that it is the right model"
+            )
+
     def _temperatures(self) -> Temperatures:
         return self._ask(p300.TEMP_QUERY, p300.read_temperatures)
 
@@ -190,41 +177,17 @@ class EspecP300(Instrument):
             self._tell(p300.set_mode(mode))
         self._confirm(mode, self._mode)
 
-    def _confirm(self, wanted: str, look: Callable[[], str]) -> None:
-        """Wait briefly, in bench time, until `look` returns the wanted state; otherwise raise `InstrumentError`."""
-        started_s = self._clock.now()
-        while (shown := look()) != wanted:
-            if self._clock.now() - started_s >= CONFIRM_S:
-                raise InstrumentError(
-                    f"{self._who}: it acknowledged {wanted}, and still reads {shown} after {CONFIRM_S:g} s;"
-                    " check that no program or other computer sets it"
-                )
-            self._clock.sleep(LOOK_AGAIN_S)
-
     # One exchange -----------------------------------------------------------------------------------------------------
 
     def _ask(self, query: str, read: Callable[[str], Answer]) -> Answer:
-        return self._exchange(query, lambda text: self._lines.ask(text, skip=p300.is_accepted), read)
+        send = partial(self._lines.ask, skip=p300.is_accepted)
+        return self._exchange(query, partial(self._until_ready, send=send), read)
 
     def _tell(self, command: str) -> None:
-        self._exchange(command, lambda text: self._lines.tell(text, repeatable=True), p300.read_accepted)
+        send = partial(self._lines.tell, repeatable=True)
+        self._exchange(command, partial(self._until_ready, send=send), p300.read_accepted)
 
-    def _exchange(self, request: str, send: Callable[[str], str], read: Callable[[str], Answer]) -> Answer:
-        """Return the parsed answer. An unreadable answer is requested a second time: lines have no checksum."""
-        try:
-            return read(self._until_ready(request, send))
-        except UnreadableError as err:
-            garbled = str(err)
-        try:
-            answer = read(self._until_ready(request, send))
-        except UnreadableError as err:
-            raise InstrumentError(
-                f"{self._who}: sent {request!r}, {err}; check the cable, and that it is an ESPEC P-300 or SCP-220"
-            ) from err
-        note_recovered(f"{self._who}: sent {request!r}, {garbled}")
-        return answer
-
-    def _until_ready(self, request: str, send: Callable[[str], str]) -> str:
+    def _until_ready(self, request: str, *, send: Callable[[str], str]) -> str:
         """Return the answer as soon as it is not a "not ready" refusal."""
         started_s = self._clock.now()
         while True:

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from benchctl_instruments.errors import InstrumentError, LinkError
 from benchctl_instruments.interfaces import Clock
@@ -20,6 +21,9 @@ from benchctl_instruments.links.wirelog import note_recovered
 from benchctl_instruments.protocols.lines import LineCutter, encode_line
 
 QUIET_S = 0.1  # wall time
+MAX_TEXT = 65536
+"""Largest answer of several lines, in bytes."""
+
 ADVICE = "check power, cable, speed and address, and that nobody else holds the link"
 
 
@@ -31,13 +35,14 @@ class NoAnswerError(LinkError):
 class Manners:
     """Communication settings of an instrument.
 
-    `sent_end` is appended to each sent line, `answer_end` ends an answer. `timeout_s` is the timeout, in wall time, of
-    a connection and of a complete answer; the line stays quiet for `pause_s` of bench time between two exchanges. If
-    `commands_answered` is false, only queries are answered.
+    `sent_end` is appended to each sent line, `answer_end` ends an answer (None: CR, LF or both). `timeout_s` is the
+    timeout, in wall time, of a connection and of a complete answer; the line stays quiet for `pause_s` of bench time
+    between two exchanges. If `commands_answered` is false, only queries are answered.
     """
 
     sent_end: bytes = b"\r\n"
-    answer_end: bytes = b"\n"
+    answer_end: bytes | None = b"\n"
+    encoding: str = "ascii"
     timeout_s: float = 1.0
     pause_s: float = 0.0
     commands_answered: bool = True
@@ -82,7 +87,11 @@ class LineDialogue:
 
     def ask(self, query: str, *, skip: Callable[[str], bool] | None = None) -> str:
         """Return the line that answers a query; preceding lines that `skip` accepts are ignored."""
-        return self._exchange(query, answered=True, attempts=2, skip=skip)
+        return self._exchange(query, receive=partial(self._receive, skip), attempts=2)
+
+    def ask_text(self, query: str, *, quiet_s: float) -> str:
+        """Return an answer of several lines, joined by LF; it ends with `quiet_s` of wall time without a byte."""
+        return self._exchange(query, receive=partial(self._receive_text, quiet_s), attempts=2)
 
     def tell(self, command: str, *, repeatable: bool = False) -> str:
         """Send a command; return the line that answers it, or "" if commands are not answered.
@@ -90,35 +99,34 @@ class LineDialogue:
         `repeatable` permits a second attempt if no answer arrives: the command sets a value and does not change it by
         an amount.
         """
-        return self._exchange(
-            command, answered=self._manners.commands_answered, attempts=2 if repeatable else 1, skip=None
-        )
+        receive = partial(self._receive, None) if self._manners.commands_answered else None
+        return self._exchange(command, receive=receive, attempts=2 if repeatable else 1)
 
     def last_heard(self) -> str:
         """Return the last traffic on the line, for an error message."""
         return f"last on the wire: {self._link.wire_log.tail(3)}"
 
-    def _exchange(self, text: str, *, answered: bool, attempts: int, skip: Callable[[str], bool] | None) -> str:
-        data = encode_line(text, self._manners.sent_end)
+    def _exchange(self, text: str, *, receive: Callable[[], str] | None, attempts: int) -> str:
+        data = encode_line(text, self._manners.sent_end, encoding=self._manners.encoding)
         failure = ""
         with self._lock:
             for _ in range(attempts - 1):
                 try:
-                    return self._once(text, data, answered=answered, skip=skip)
+                    return self._once(text, data, receive)
                 except (LinkCutError, NoAnswerError) as err:
                     failure = str(err)
                     self._link.wire_log.note("asking again")
-            answer = self._once(text, data, answered=answered, skip=skip)
+            answer = self._once(text, data, receive)
             if failure:
                 note_recovered(failure)
                 self._give_up("asked twice: a second answer may follow")
             return answer
 
-    def _once(self, text: str, data: bytes, *, answered: bool, skip: Callable[[str], bool] | None) -> str:
+    def _once(self, text: str, data: bytes, receive: Callable[[], str] | None) -> str:
         self._wait()
         try:
             self._link.send(data)
-            return self._receive(skip) if answered else ""
+            return "" if receive is None else receive()
         except LinkCutError as err:
             self._give_up("given up: cut")
             why = self._link.address.left_out(err)
@@ -146,7 +154,7 @@ class LineDialogue:
             self._clock.sleep(pause_s)
 
     def _receive(self, skip: Callable[[str], bool] | None) -> str:
-        lines = LineCutter(self._manners.answer_end)
+        lines = self._cutter()
         deadline_s = time.monotonic() + self._manners.timeout_s
         while (left_s := deadline_s - time.monotonic()) > 0:
             try:
@@ -159,6 +167,25 @@ class LineDialogue:
             if answers:
                 return answers[0]
         raise NoAnswerError("timed out before the answer was complete")
+
+    def _receive_text(self, quiet_s: float) -> str:
+        lines, received = self._cutter(), 0
+        texts: list[str] = []
+        while received < MAX_TEXT:
+            try:
+                data = self._link.receive(4096, quiet_s if received else self._manners.timeout_s)
+            except LinkCutError:
+                raise
+            except LinkError as err:
+                if not texts:
+                    raise NoAnswerError(str(err)) from err
+                break
+            received += len(data)
+            texts += lines.feed(data)
+        return "\n".join(texts)
+
+    def _cutter(self) -> LineCutter:
+        return LineCutter(self._manners.answer_end, encoding=self._manners.encoding)
 
     def _give_up(self, why: str) -> None:
         self._link.cut(why)

@@ -36,7 +36,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.protocols.lines import UnreadableError as UnreadableError
+from benchctl_instruments.protocols.lines import tenths as tenths
 
 REFUSALS: Mapping[str, str] = {
     "CMD ERR": "it does not know the command",
@@ -66,10 +68,6 @@ _NUMBER = re.compile(r"[+-]?[0-9]{1,9}(\.[0-9]{0,9})?")
 _SETTING = re.compile(r"([SHL])\s*([+-]?[0-9]{1,9}(?:\.[0-9]{0,9})?)(?:[\s,]+|$)")
 
 
-class UnreadableError(InstrumentError):
-    """An answer does not fit the question: it is corrupted, or another instrument's."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Temperatures:
     """Air, set point and its alarm limits, all in °C; the set point is None if it is switched off."""
@@ -91,11 +89,6 @@ class Request:
 
 
 # Requests -------------------------------------------------------------------------------------------------------------
-
-
-def tenths(value: float) -> float:
-    """Return the nearest number with one decimal, as on the wire, without negative zero."""
-    return round(value, 1) + 0.0
 
 
 def set_temperatures(*, setpoint_c: float, high_c: float | None = None, low_c: float | None = None) -> str:

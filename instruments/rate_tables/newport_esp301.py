@@ -164,9 +164,9 @@ class _CountingLine(LineDialogue):
 
     failures = 0
 
-    def _once(self, text: str, data: bytes, *, answered: bool, skip: Callable[[str], bool] | None) -> str:
+    def _once(self, text: str, data: bytes, receive: Callable[[], str] | None) -> str:
         try:
-            return super()._once(text, data, answered=answered, skip=skip)
+            return super()._once(text, data, receive)
         except LinkError:
             self.failures += 1
             raise

@@ -15,11 +15,11 @@ import threading
 from collections.abc import Callable
 
 from benchctl_instruments.protocols import p300
-from benchctl_instruments.protocols.lines import LineCutter, encode_line
+from benchctl_instruments.protocols.lines import encode_line
 from benchctl_instruments.protocols.p300 import data_line
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.serial_line import LineConversation, SerialLine, Served
+from benchctl_instruments.simulated.serial_line import LineConversation, SerialLine, Served, line_conversation
 from benchctl_instruments.simulated.tcp_server import TcpServer
 
 BAUD = 9600
@@ -305,18 +305,8 @@ class SimulatedEspecP300(Served):
             else SerialLine(self._connect, baud=BAUD, pace_baud=pace_baud)
         )
 
-    def _connect(self) -> _Conversation:
-        return _Conversation(self.controller.execute)
-
-
-class _Conversation(LineConversation):
-    """A line ends with CR, LF or both, as terminals send it; a line for another chamber is not answered."""
-
-    def __init__(self, execute: Callable[[str], str | None]) -> None:
-        super().__init__(lambda line: b"" if (answer := execute(line)) is None else encode_line(answer), LineCutter())
-
-    def feed(self, data: bytes) -> bytes:
-        return super().feed(data.replace(b"\r", b"\n"))
+    def _connect(self) -> LineConversation:
+        return line_conversation(self.controller.execute)
 
 
 Twin = SimulatedEspecP300

@@ -15,7 +15,7 @@ from threading import Thread
 from typing import Protocol
 
 from benchctl_instruments.errors import InstrumentError
-from benchctl_instruments.protocols.lines import LineCutter
+from benchctl_instruments.protocols.lines import LineCutter, encode_line
 from benchctl_instruments.simulated.faults.link_faults import Conversation, FaultyConversation, LinkFaults
 from benchctl_instruments.simulated.tcp_server import Startable, TcpServer
 
@@ -175,6 +175,18 @@ class LineConversation:
         except InstrumentError:
             lines = ["(a line that was too long)"]
         return b"".join(map(self._answer, lines))
+
+
+def line_conversation(execute: Callable[[str], str | None], *, encoding: str = "ascii") -> LineConversation:
+    """Return a connection whose lines end with CR, LF or both, as terminals send them.
+
+    An answer may have several lines; None is no answer.
+    """
+
+    def answer(line: str) -> bytes:
+        return b"".join(encode_line(text, encoding=encoding) for text in (execute(line) or "").splitlines())
+
+    return LineConversation(answer, LineCutter(None, encoding=encoding))
 
 
 class SerialLine(Served):

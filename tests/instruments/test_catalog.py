@@ -17,6 +17,8 @@ OURS: dict[Kind, tuple[str, ...]] = {
         "eurotherm_3500",
         "watlow_f4",
         "watlow_f4t",
+        "weiss_ascii2",
+        "weiss_simserv",
     ),
     "digitizer": ("labjack_t7",),
     "gyro": ("kvh_dsp1760", "sensonor_stim300"),

@@ -38,6 +38,8 @@ WIRED = [
     ("chamber", "csz_ezt430i", {"unit_id": 12}, TTY),
     ("chamber", "espec_p300", {}, TTY),
     ("chamber", "espec_p300", {"rs485_address": 3}, TTY),
+    ("chamber", "weiss_ascii2", {"unit_id": 0}, TTY),
+    ("chamber", "weiss_ascii2", {}, "tcp://10.0.0.7:2049"),
     ("rate_table", "newport_esp301", {}, BOX),
     ("digitizer", "labjack_t7", {"encoder_channel": 6, "gyro_ain": 4, "thermistor_ain": 0}, None),
 ]

@@ -1,4 +1,4 @@
-"""Instruments that speak in lines: ACL, ESPEC P-300, Aerotech Ensemble, Newport ESP301, KVH's settings; both sides."""
+"""Instruments that speak in lines: ACL, ESPEC, Weiss, Aerotech Ensemble, Newport ESP301, KVH's settings; both sides."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from benchctl_instruments.errors import BenchError
-from benchctl_instruments.protocols import acl, ensemble, esp301, kvh1760, p300
+from benchctl_instruments.protocols import acl, ascii2, ensemble, esp301, kvh1760, p300, simserv
 from benchctl_instruments.protocols.lines import LineCutter, parse_number
 from tests.fuzz.harness import Harness, pieces, refusals
 
@@ -29,6 +29,11 @@ _READERS: tuple[Callable[[str], Any], ...] = (
     p300.read_type,
     p300.read_heater,
     lambda line: p300.parse_settings(p300.parse_request(line).parameters),
+    ascii2.read_description,
+    ascii2.read_accepted,
+    simserv.parse_command,
+    simserv.read_whole,
+    simserv.read_accepted,
 )
 
 

@@ -33,6 +33,8 @@ LINES = {"another unit's answer": NEITHER, "CRC error": NEITHER, "half a float":
 LINK_OF: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "watlow_f4t": {"CRC error": NEITHER},
     "espec_p300": {**LINES, "refusal": BOTH_RECOVER},  # CHB NOT READY asks to wait
+    "weiss_simserv": LINES,
+    "weiss_ascii2": {**LINES, "refusal": NEITHER},
     "acutrol3000": {**LINES, "restart, 0.1 s": BOTH_STOP},
     "aerotech_ensemble": {
         **LINES,

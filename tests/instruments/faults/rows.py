@@ -44,6 +44,8 @@ ROWS = (
     Row(model="binder_mb2", kind="chamber", asks="^03 10 d2", tells="^10 11 4c", options=RTU, like="watlow_f4"),
     Row(model="csz_ezt430i", kind="chamber", asks="^03 00 23", tells="^06 00 24", options=RTU, like="watlow_f4"),
     Row(model="espec_p300", kind="chamber", asks=r"^TEMP\?", tells="^TEMP, S-20", options=LINES, like="acutrol3000"),
+    Row(model="weiss_simserv", kind="chamber", asks="^11004", tells=r"^11001.*\.0$", options=LINES, like="acutrol3000"),
+    Row(model="weiss_ascii2", kind="chamber", asks=r"^\$01I", tells=r"^\$01E -020", options=LINES, like="acutrol3000"),
     Row(model="acutrol3000", kind="rate_table", asks="^:read", tells="^:dem:rate 1,40", options=LINES),
     Row(
         model="aerotech_ensemble",

@@ -18,6 +18,7 @@ def test_lines_end_with_lf_and_a_cr_before_it_does_not_count() -> None:
 
 def test_a_line_may_end_otherwise() -> None:
     assert LineCutter(b"\r").feed(b"1.5\r2.5\r\n") == ["1.5", "2.5"]
+    assert LineCutter(None).feed(b"1\r2\n3\r\n4") == ["1", "2", "3"]
     assert LineCutter(b",EndOfAPI").feed(b"0,1,EndOfAPI") == ["0,1"]
 
 
@@ -69,6 +70,7 @@ def test_a_line_of_the_greatest_length_is_taken() -> None:
 def test_a_line_is_sent_with_the_end_that_was_asked_for() -> None:
     assert encode_line("1MV+", b"\r") == b"1MV+\r"
     assert encode_line("TEMP?") == b"TEMP?\r\n"
+    assert encode_line("11004¶1", b"\r", encoding="latin-1") == b"11004\xb61\r"
 
 
 @pytest.mark.parametrize("text", ["", "  ", "TEMP?\r\n", "TEMP, S10°", "\x00"])

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchctl_instruments.protocols.p300 import read_alarms, read_heater, read_mode, read_temperatures, read_type
-from benchctl_instruments.simulated.espec_p300 import P300Controller, SimulatedEspecP300, _Conversation
+from benchctl_instruments.simulated.espec_p300 import P300Controller, SimulatedEspecP300
+from benchctl_instruments.simulated.serial_line import line_conversation
 from tests.instruments.chamber_machine import FakeChamber
 
 
@@ -60,7 +61,7 @@ def test_lines_may_end_as_the_terminal_ends_them(twin: SimulatedEspecP300, end: 
 
 
 def test_a_line_may_come_letter_by_letter_and_after_junk(machine: FakeChamber) -> None:
-    conversation = _Conversation(P300Controller(machine).execute)
+    conversation = line_conversation(P300Controller(machine).execute)
     answers = [conversation.feed(bytes([byte])) for byte in b"\x00\xff\x00MODE?\r\n"]
     assert b"".join(answers) == b"STANDBY\r\n"
 
@@ -208,7 +209,7 @@ def test_time_signals_are_switched(controller: P300Controller) -> None:
 
 
 def test_on_a_bus_it_answers_only_its_own_number(machine: FakeChamber) -> None:
-    conversation = _Conversation(P300Controller(machine, rs485_address=3).execute)
+    conversation = line_conversation(P300Controller(machine, rs485_address=3).execute)
     assert conversation.feed(b"4,TEMP, S30.0\r\nTEMP, S30.0\r\n" + b"x" * 5000 + b"\r\n") == b""
     assert machine.setpoint == 20.0
     assert conversation.feed(b"3,TEMP, S30.0\r\n") == b"OK:TEMP,S30.0\r\n"
@@ -216,7 +217,7 @@ def test_on_a_bus_it_answers_only_its_own_number(machine: FakeChamber) -> None:
 
 
 def test_a_line_without_end_is_refused_and_forgotten(machine: FakeChamber) -> None:
-    conversation = _Conversation(P300Controller(machine).execute)
+    conversation = line_conversation(P300Controller(machine).execute)
     assert conversation.feed(b"x" * 5000) == b"NA:CMD ERR\r\n"
     assert conversation.feed(b"MODE?\r\n") == b"STANDBY\r\n"
 
@@ -252,7 +253,7 @@ def test_every_answer_is_one_that_the_readers_read(controller: P300Controller, m
     )
 )
 def test_no_bytes_break_the_controller(pieces: list[bytes]) -> None:
-    conversation = _Conversation(P300Controller(FakeChamber()).execute)
+    conversation = line_conversation(P300Controller(FakeChamber()).execute)
     for piece in pieces:
         for answer in conversation.feed(piece).split(b"\r\n")[:-1]:
             assert answer
