@@ -18,6 +18,7 @@ from benchctl_instruments.links.wirelog import note_recovered
 from benchctl_instruments.protocols.lines import UnreadableError, tenths
 
 CONFIRM_S, LOOK_AGAIN_S = 2.0, 0.1
+SETPOINT, RAMP = "set point {:g} °C", "ramp {:g} °C/min"
 
 Answer = TypeVar("Answer")
 
@@ -86,6 +87,10 @@ class LineChamber(Instrument, ABC):
                 )
             self._clock.sleep(LOOK_AGAIN_S)
 
+    def _confirm_number(self, words: str, wanted: float, look: Callable[[], float]) -> None:
+        """Confirm a number in tenths; `words` have a place for it: "set point {:g} °C"."""
+        self._confirm(words.format(tenths(wanted)), lambda: words.format(tenths(look())))
+
 
 class KeptLimitsChamber(LineChamber):
     """A `LineChamber` without commands for set point limits: the driver keeps them, in °C, in tenths.
@@ -125,13 +130,14 @@ class KeptLimitsChamber(LineChamber):
     @abstractmethod
     def _put(self, setpoint_c: float) -> None: ...
 
-    def _left(self, *, on: bool) -> tuple[str, ...]:
+    def _left(self, *, on: bool, why: str = "the chamber's panel says why") -> tuple[str, ...]:
         """Return the alarm of a chamber that stopped by itself, if it is off although this driver switched it on."""
         if on or not self._switched_on:
             return ()
-        return ("conditioning is off although it was switched on; the chamber's panel says why",)
+        return (f"conditioning is off although it was switched on: {why}",)
 
 
-def shown_c(setpoint_c: float) -> str:
-    """Return a set point as `LineChamber._confirm` compares it."""
-    return f"set point {tenths(setpoint_c):g} °C"
+def ramp_refused(ramp_c_per_min: float | None) -> None:
+    """Raise `UsageError` if a controller's own ramp is none that can be written in tenths."""
+    if ramp_c_per_min is not None and not 0.1 <= ramp_c_per_min < math.inf:
+        raise UsageError(f"ramp_c_per_min = {ramp_c_per_min}; give °C/min, 0.1 or more")

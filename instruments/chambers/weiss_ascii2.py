@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from functools import partial
 
-from benchctl_instruments.chambers.line_chamber import KeptLimitsChamber, shown_c
+from benchctl_instruments.chambers.line_chamber import SETPOINT, KeptLimitsChamber
 from benchctl_instruments.errors import InstrumentError, UsageError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.lines import LineDialogue, Manners, NoAnswerError
@@ -111,11 +111,11 @@ class WeissAscii2(KeptLimitsChamber):
     def _put(self, setpoint_c: float) -> None:
         state = self._state()
         self._write(state, setpoint_c=setpoint_c, start=state.started)
-        self._confirm(shown_c(setpoint_c), lambda: shown_c(self._state().setpoint_c))
+        self._confirm_number(SETPOINT, setpoint_c, lambda: self._state().setpoint_c)
 
     def _switch(self, *, on: bool) -> None:
         self._write(self._state(), setpoint_c=None, start=on)
-        self._confirm(f"start channel {int(on)}", lambda: f"start channel {int(self._state().started)}")
+        self._confirm_number("start channel {:g}", int(on), lambda: int(self._state().started))
         self._switched_on = on
 
     def _write(self, state: State, *, setpoint_c: float | None, start: bool) -> None:

@@ -18,8 +18,8 @@ import math
 from collections.abc import Callable
 from functools import partial
 
-from benchctl_instruments.chambers.line_chamber import Answer, KeptLimitsChamber, shown_c
-from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.chambers.line_chamber import RAMP, SETPOINT, Answer, KeptLimitsChamber, ramp_refused
+from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.lines import LineDialogue, Manners
 from benchctl_instruments.links.tcp import Reconnect, TcpLink
@@ -39,8 +39,8 @@ class WeissSimserv(KeptLimitsChamber):
         `tcp://HOST:2049`.
     clock
         The clock used for waiting.
-    gradient_k_per_min
-        The controller's own ramp in both directions, written at `start`; None: it stays as set on the controller.
+    ramp_c_per_min
+        The controller's own ramp (gradient) in both directions, written at `start`; None: it stays as it is.
     timeout_s
         Timeout of a connection and of an answer; wall time.
     reconnect, wire_log
@@ -52,13 +52,12 @@ class WeissSimserv(KeptLimitsChamber):
         address: str,
         *,
         clock: Clock,
-        gradient_k_per_min: float | None = None,
+        ramp_c_per_min: float | None = None,
         timeout_s: float = 3.0,
         reconnect: Reconnect | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
-        if gradient_k_per_min is not None and not 0.1 <= gradient_k_per_min < math.inf:
-            raise UsageError(f"gradient_k_per_min = {gradient_k_per_min}; give K/min, 0.1 or more")
+        ramp_refused(ramp_c_per_min)
         lines = LineDialogue(
             "Weiss/Vötsch SIMSERV",
             TcpLink(address, reconnect=reconnect, wire_log=wire_log),
@@ -66,7 +65,7 @@ class WeissSimserv(KeptLimitsChamber):
             clock=clock,
         )
         super().__init__(lines, clock=clock, controller="a chamber with SIMSERV, at port 2049")
-        self._gradient_k_per_min = gradient_k_per_min
+        self._ramp_c_per_min = ramp_c_per_min
 
     def identify(self) -> Identity:
         """Return the chamber's type and serial number; SIMSERV states no manufacturer."""
@@ -82,8 +81,8 @@ class WeissSimserv(KeptLimitsChamber):
             raise InstrumentError(
                 f"{self._who}: it runs a program and would not keep our set point; end the program on its panel"
             )
-        if self._gradient_k_per_min is not None:
-            self._set_gradients(self._gradient_k_per_min)
+        if self._ramp_c_per_min is not None:
+            self._set_gradients(self._ramp_c_per_min)
         self._switch(on=True)
 
     def stop(self) -> None:
@@ -115,24 +114,23 @@ class WeissSimserv(KeptLimitsChamber):
 
     def _put(self, setpoint_c: float) -> None:
         self._tell(simserv.SET_SETPOINT, TEMPERATURE, setpoint_c)
-        self._confirm(shown_c(setpoint_c), lambda: shown_c(self._setpoint_c()))
+        self._confirm_number(SETPOINT, setpoint_c, self._setpoint_c)
 
     def _setpoint_c(self) -> float:
         return self._get(simserv.read_number, simserv.GET_SETPOINT, TEMPERATURE)
 
-    def _set_gradients(self, k_per_min: float) -> None:
+    def _set_gradients(self, c_per_min: float) -> None:
         for write, read in (
             (simserv.SET_GRADIENT_UP, simserv.GET_GRADIENT_UP),
             (simserv.SET_GRADIENT_DOWN, simserv.GET_GRADIENT_DOWN),
         ):
-            self._tell(write, TEMPERATURE, float(k_per_min))
-            kept = partial(self._get, simserv.read_number, read, TEMPERATURE)
-            self._confirm(f"gradient {k_per_min:.1f} K/min", lambda kept=kept: f"gradient {kept():.1f} K/min")  # type: ignore[misc]
+            self._tell(write, TEMPERATURE, float(c_per_min))
+            self._confirm_number(RAMP, c_per_min, partial(self._get, simserv.read_number, read, TEMPERATURE))
 
     def _switch(self, *, on: bool) -> None:
         self._tell(simserv.SET_DIGITAL, START, int(on))
         started = partial(self._get, simserv.read_whole, simserv.GET_DIGITAL, START)
-        self._confirm(f"start channel {int(on)}", lambda: f"start channel {started()}")
+        self._confirm_number("start channel {:g}", int(on), started)
 
     def _program_runs(self) -> bool:
         line = self._exchange(simserv.command(simserv.GET_PROGRAM_STATUS), self._lines.ask, _checked)

@@ -19,10 +19,8 @@ from benchctl_instruments.protocols.lines import encode_line
 from benchctl_instruments.protocols.p300 import data_line
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.serial_line import LineConversation, SerialLine, Served, line_conversation
-from benchctl_instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.simulated.serial_line import LineServer
 
-BAUD = 9600
 LOWEST_C, HIGHEST_C = -75.0, 180.0
 BEYOND_HIGH, BEYOND_LOW = 1, 2  # our own codes: there is no public list of the real ones
 RELAYS = 12
@@ -265,7 +263,7 @@ class P300Controller:
             self._alarms.append(code)
 
 
-class SimulatedEspecP300(Served):
+class SimulatedEspecP300(LineServer):
     """A chamber with a P-300 at `tcp://host:port`, or on a serial line; a driver uses its `address`.
 
     Both carry the same lines.
@@ -299,14 +297,7 @@ class SimulatedEspecP300(Served):
         pace_baud: int | None = None,
     ) -> None:
         self.controller = P300Controller(chamber, rs485_address=rs485_address)
-        super().__init__(
-            TcpServer(self._connect, host=host, port=port, pace_baud=pace_baud)
-            if over_tcp
-            else SerialLine(self._connect, baud=BAUD, pace_baud=pace_baud)
-        )
-
-    def _connect(self) -> LineConversation:
-        return line_conversation(self.controller.execute)
+        super().__init__(self.controller.execute, over_tcp=over_tcp, host=host, port=port, pace_baud=pace_baud)
 
 
 Twin = SimulatedEspecP300

@@ -11,12 +11,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from threading import Thread
 from typing import Protocol
 
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.protocols.lines import LineCutter, encode_line
 from benchctl_instruments.simulated.faults.link_faults import Conversation, FaultyConversation, LinkFaults
+from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.tcp_server import Startable, TcpServer
 
 BITS_PER_BYTE = 10  # 8N1: start bit, eight data bits, stop bit
@@ -226,6 +228,46 @@ class SerialLine(Served):
         if isinstance(self._line, TcpServer):
             return self._line.address.replace("tcp://", "socket://")
         return f"{self._line.address}?baud={self._baud}"
+
+
+class LineServer(Served):
+    """A controller that answers lines, on one kind of line; its models are subclasses, and say which refusal they send.
+
+    Parameters
+    ----------
+    execute
+        Executes one line and returns its answer, see `line_conversation`.
+    over_tcp
+        Serve over TCP; otherwise on a serial line, see `SerialLine`.
+    baud
+        The speed of the serial line.
+    encoding
+        Of the lines.
+    host, port
+        Where to listen, `over_tcp`; several clients may use it at once.
+    pace_baud
+        Simulated speed of the line; None: no delay.
+    """
+
+    wire: Wire = Lines()
+
+    def __init__(
+        self,
+        execute: Callable[[str], str | None],
+        *,
+        over_tcp: bool,
+        baud: int = 9600,
+        encoding: str = "ascii",
+        host: str = "127.0.0.1",
+        port: int = 0,
+        pace_baud: int | None = None,
+    ) -> None:
+        connect = partial(line_conversation, execute, encoding=encoding)
+        super().__init__(
+            TcpServer(connect, host=host, port=port, pace_baud=pace_baud)
+            if over_tcp
+            else SerialLine(connect, baud=baud, pace_baud=pace_baud)
+        )
 
 
 class TableController(Protocol):

@@ -12,12 +12,9 @@ import re
 import threading
 
 from benchctl_instruments.protocols import ascii2
-from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.serial_line import LineConversation, SerialLine, Served, line_conversation
-from benchctl_instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.simulated.serial_line import LineServer
 
-BAUD = 9600
 LOWEST_C, HIGHEST_C = -75.0, 180.0
 CHANNELS = 32
 SET_NAMES = ("CV01", "CV02", "SV01", "MV01", "MV02", "MV03", "MV04")
@@ -106,7 +103,7 @@ class Ascii2Controller:
         )
 
 
-class SimulatedWeissAscii2(Served):
+class SimulatedWeissAscii2(LineServer):
     """A chamber with ASCII-2 on a serial line, or at `tcp://host:port`; a driver uses its `address`.
 
     Parameters
@@ -115,37 +112,17 @@ class SimulatedWeissAscii2(Served):
         The chamber machine.
     unit_id
         Its address.
-    over_tcp
-        Serve over TCP; otherwise on a serial line at 9600 baud, see `SerialLine`.
-    host, port
-        Where to listen, `over_tcp`; several clients may use it at once.
-    pace_baud
-        Simulated speed of the line; None: no delay.
+    over_tcp, pace_baud
+        As for `LineServer`.
 
     `controller` provides what happens at the chamber.
     """
 
-    wire: Wire = Lines()
-
     def __init__(
-        self,
-        chamber: ChamberMachine,
-        *,
-        unit_id: int = 1,
-        over_tcp: bool = False,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        pace_baud: int | None = None,
+        self, chamber: ChamberMachine, *, unit_id: int = 1, over_tcp: bool = False, pace_baud: int | None = None
     ) -> None:
         self.controller = Ascii2Controller(chamber, unit_id=unit_id)
-        super().__init__(
-            TcpServer(self._connect, host=host, port=port, pace_baud=pace_baud)
-            if over_tcp
-            else SerialLine(self._connect, baud=BAUD, pace_baud=pace_baud)
-        )
-
-    def _connect(self) -> LineConversation:
-        return line_conversation(self.controller.execute)
+        super().__init__(self.controller.execute, over_tcp=over_tcp, pace_baud=pace_baud)
 
 
 Twin = SimulatedWeissAscii2

@@ -20,25 +20,20 @@ from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.protocols import simserv
 from benchctl_instruments.protocols.lines import encode_line, parse_number
 from benchctl_instruments.protocols.simserv import answer_line
-from benchctl_instruments.simulated.faults.wires import Lines, Wire
+from benchctl_instruments.simulated.faults.wires import Lines
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.serial_line import LineConversation, Served, line_conversation
-from benchctl_instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.simulated.serial_line import LineServer
 
 INFORMATION = ("LabEvent T/210/70/5", "26", "SIMULATED")
 LOWEST_C, HIGHEST_C, BEYOND_K = -75.0, 180.0, 5.0
 OUTPUTS = ("Start", "Cond.protect", "Custom 1", "Custom 2", "Compressed air", "Air dryer", "Custom 3", "Custom 4")
 MESSAGES = (("Temperature beyond its limits", 1), ("Water tank low", 2), ("Door opened", 4))  # text and type
 COUNTS = {11018: 1, 12012: 0, 13007: 0, 14007: len(OUTPUTS), 15004: 0, simserv.GET_MESSAGES: len(MESSAGES)}
-CONSTANTS = {  # of control variable 1: name, unit, set point, warning and alarm limits
+CONSTANTS = {  # of control variable 1: name, unit, limits of the set point
     11026: "Temperature",
     11023: "°C",
     simserv.GET_LOWEST: f"{LOWEST_C}",
     simserv.GET_HIGHEST: f"{HIGHEST_C}",
-    11016: f"{LOWEST_C - 2.0}",
-    11017: f"{HIGHEST_C + 2.0}",
-    11014: f"{LOWEST_C - BEYOND_K}",
-    11015: f"{HIGHEST_C + BEYOND_K}",
 }
 
 Item = TypeVar("Item")
@@ -75,11 +70,9 @@ class SimservController:
             14010: lambda number: _item(OUTPUTS[1:], number),
             simserv.GET_MESSAGE_TEXT: lambda index: _item(MESSAGES, index)[0],
             simserv.GET_MESSAGE_TYPE: lambda index: _item(MESSAGES, index)[1],
-            17111: lambda index: int(_item(MESSAGES, index)[1] == simserv.ALARM_MESSAGE),
             simserv.GET_MESSAGE_STATUS: lambda index: int(bool(_item(MESSAGES, index)) and int(index) in self.active),
             17012: lambda *_: self.active.clear(),
             simserv.GET_PROGRAM_STATUS: lambda *_: self.program,
-            19204: lambda *_: self.program,
             simserv.STOP_PROGRAM: lambda *_: self._end_program(),
         }
         self._commands |= {number: lambda *_, count=count: count for number, count in COUNTS.items()}
@@ -165,27 +158,14 @@ def _first(variable: str, text: str) -> str:
     return _item((text,), variable)
 
 
-class SimulatedWeissSimserv(Served):
-    """A chamber at `tcp://host:port`; a driver uses its `address`.
+class SimulatedWeissSimserv(LineServer):
+    """A chamber at `tcp://host:port`; a driver uses its `address`. `controller` provides the actions at the panel."""
 
-    Parameters
-    ----------
-    chamber
-        The chamber machine.
-    host, port
-        Where to listen; several clients may use it at once.
+    wire = Lines(refusal_line=encode_line(answer_line(simserv.UNREADABLE_DATA)))
 
-    `controller` provides the manual actions at the panel.
-    """
-
-    wire: Wire = Lines(refusal_line=encode_line(answer_line(simserv.UNREADABLE_DATA)))
-
-    def __init__(self, chamber: ChamberMachine, *, host: str = "127.0.0.1", port: int = 0) -> None:
+    def __init__(self, chamber: ChamberMachine) -> None:
         self.controller = SimservController(chamber)
-        super().__init__(TcpServer(self._connect, host=host, port=port))
-
-    def _connect(self) -> LineConversation:
-        return line_conversation(self.controller.execute, encoding=simserv.ENCODING)
+        super().__init__(self.controller.execute, over_tcp=True, encoding=simserv.ENCODING)
 
 
 Twin = SimulatedWeissSimserv

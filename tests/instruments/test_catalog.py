@@ -15,6 +15,8 @@ OURS: dict[Kind, tuple[str, ...]] = {
         "espec_p300",
         "eurotherm_2400",
         "eurotherm_3500",
+        "thermotron_3800",
+        "thermotron_8800",
         "watlow_f4",
         "watlow_f4t",
         "weiss_ascii2",

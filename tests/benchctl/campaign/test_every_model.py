@@ -38,6 +38,8 @@ WIRED = [
     ("chamber", "csz_ezt430i", {"unit_id": 12}, TTY),
     ("chamber", "espec_p300", {}, TTY),
     ("chamber", "espec_p300", {"rs485_address": 3}, TTY),
+    ("chamber", "thermotron_3800", {}, BOX),
+    ("chamber", "thermotron_8800", {"ramp_c_per_min": 2.0}, TTY),
     ("chamber", "weiss_ascii2", {"unit_id": 0}, TTY),
     ("chamber", "weiss_ascii2", {}, "tcp://10.0.0.7:2049"),
     ("rate_table", "newport_esp301", {}, BOX),

@@ -137,6 +137,8 @@ def test_an_option_of_the_wrong_kind_is_the_inputs_fault_however_late_it_shows()
         ("eurotherm_3500", "eurotherm_2400"),
         ("watlow_f4", "watlow_f4t"),
         ("watlow_f4t", "espec_p300"),
+        ("thermotron_3800", "thermotron_8800"),
+        ("thermotron_8800", "thermotron_3800"),
         ("weiss_ascii2", "espec_p300"),
         ("weiss_simserv", "weiss_ascii2"),
     ],

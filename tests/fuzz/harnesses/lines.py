@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from benchctl_instruments.errors import BenchError
-from benchctl_instruments.protocols import acl, ascii2, ensemble, esp301, kvh1760, p300, simserv
+from benchctl_instruments.protocols import acl, ascii2, ensemble, esp301, kvh1760, p300, simserv, thermotron
 from benchctl_instruments.protocols.lines import LineCutter, parse_number
 from tests.fuzz.harness import Harness, pieces, refusals
 
@@ -32,6 +32,8 @@ _READERS: tuple[Callable[[str], Any], ...] = (
     ascii2.read_description,
     ascii2.read_accepted,
     simserv.parse_command,
+    thermotron.parse_command,
+    thermotron.read_code,
     simserv.read_whole,
     simserv.read_accepted,
 )

@@ -129,12 +129,12 @@ def test_the_gradient_is_written_at_the_start_and_only_if_it_is_asked_for(simser
     with WeissSimserv(simserv.address, clock=InstantClock()) as plain:
         plain.start()
     assert gradients() == ["1¶0.0", "1¶0.0"]
-    with WeissSimserv(simserv.address, clock=InstantClock(), gradient_k_per_min=2.5) as chamber:
+    with WeissSimserv(simserv.address, clock=InstantClock(), ramp_c_per_min=2.5) as chamber:
         assert gradients() == ["1¶0.0", "1¶0.0"]
         chamber.start()
     assert gradients() == ["1¶2.5", "1¶2.5"]
-    with pytest.raises(UsageError, match=r"gradient_k_per_min = 0; give K/min, 0\.1 or more"):
-        WeissSimserv(simserv.address, clock=InstantClock(), gradient_k_per_min=0)
+    with pytest.raises(UsageError, match=r"ramp_c_per_min = 0; give °C/min, 0\.1 or more"):
+        WeissSimserv(simserv.address, clock=InstantClock(), ramp_c_per_min=0)
 
 
 def test_a_chamber_without_programs_is_started_and_a_refusal_is_told_in_words(machine: FakeChamber) -> None:
@@ -172,7 +172,7 @@ def test_a_chamber_that_stops_by_itself_is_an_alarm(ascii2: SimulatedWeissAscii2
         assert chamber.read().alarms == ()
         ascii2.controller.stop_by_itself()
         assert chamber.read().alarms == (
-            "conditioning is off although it was switched on; the chamber's panel says why",
+            "conditioning is off although it was switched on: the chamber's panel says why",
         )
         chamber.stop()
         assert chamber.read().alarms == ()

@@ -35,6 +35,8 @@ LINK_OF: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "espec_p300": {**LINES, "refusal": BOTH_RECOVER},  # CHB NOT READY asks to wait
     "weiss_simserv": LINES,
     "weiss_ascii2": {**LINES, "refusal": NEITHER},
+    "thermotron_3800": {**LINES, "refusal": NEITHER},
+    "thermotron_8800": {**LINES, "refusal": NEITHER},  # a refusing code cannot be told from a temperature
     "acutrol3000": {**LINES, "restart, 0.1 s": BOTH_STOP},
     "aerotech_ensemble": {
         **LINES,

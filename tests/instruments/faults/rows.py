@@ -46,6 +46,12 @@ ROWS = (
     Row(model="espec_p300", kind="chamber", asks=r"^TEMP\?", tells="^TEMP, S-20", options=LINES, like="acutrol3000"),
     Row(model="weiss_simserv", kind="chamber", asks="^11004", tells=r"^11001.*\.0$", options=LINES, like="acutrol3000"),
     Row(model="weiss_ascii2", kind="chamber", asks=r"^\$01I", tells=r"^\$01E -020", options=LINES, like="acutrol3000"),
+    Row(
+        model="thermotron_3800", kind="chamber", asks=r"^PVAR1\?", tells="^SETP1,-20", options=LINES, like="acutrol3000"
+    ),
+    Row(
+        model="thermotron_8800", kind="chamber", asks=r"^PVAR1\?", tells="^SETP1,-20", options=LINES, like="acutrol3000"
+    ),
     Row(model="acutrol3000", kind="rate_table", asks="^:read", tells="^:dem:rate 1,40", options=LINES),
     Row(
         model="aerotech_ensemble",

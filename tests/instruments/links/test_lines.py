@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
-from benchctl_instruments.links.lines import LineDialogue, Manners, NoAnswerError
+from benchctl_instruments.links.lines import MAX_TEXT, LineDialogue, Manners, NoAnswerError
 from benchctl_instruments.links.serial_port import byte_link
 from benchctl_instruments.links.tcp import LinkCutError, Reconnect
 from benchctl_instruments.protocols.lines import LineCutter
@@ -104,6 +104,30 @@ def test_an_instrument_that_says_only_what_is_skipped_is_not_listened_to_for_eve
         with pytest.raises(NoAnswerError, match=r"sent 'PFBK\(X\)', no answer within 0.2 s; check power"):
             stage.ask("PFBK(X)", skip=lambda answer: answer == "%")
         assert time.monotonic() - started_s < 0.95  # the chatter alone takes a second, each time that it is asked
+
+
+def test_an_answer_of_several_lines_ends_where_the_line_falls_quiet() -> None:
+    with Opened(lambda line, before: b"one\r\ntwo\r\n\r\nthree\r\n", pace_baud=9600, answer_end=None) as stage:
+        assert stage.ask_text("$01?", quiet_s=0.3) == "one\ntwo\nthree"
+
+
+def test_an_answer_of_several_lines_that_does_not_come_is_no_answer() -> None:
+    bench = Opened(lambda line, before: b"", timeout_s=0.1)
+    with bench as stage, pytest.raises(NoAnswerError, match=r"sent '\$01\?', no answer within 0\.1 s"):
+        stage.ask_text("$01?", quiet_s=0.1)
+    assert bench.instrument.heard == ["$01?", "$01?"]
+
+
+def test_an_instrument_that_never_falls_quiet_is_not_listened_to_for_ever() -> None:
+    with Opened(lambda line, before: b"line\n" * 50_000) as stage:
+        assert len(stage.ask_text("$01?", quiet_s=5.0)) < 2 * MAX_TEXT
+
+
+def test_lines_of_another_encoding_are_sent_and_received() -> None:
+    bench = Opened(lambda line, before: b"1\xb6\xb0C\r\n", encoding="latin-1")
+    with bench as stage:
+        assert stage.ask("11023¶1¶1") == "1¶°C"
+    assert bench.instrument.raw == b"11023\xb61\xb61\r\n"
 
 
 def test_what_comes_behind_an_answer_is_no_answer_to_the_next_question() -> None:
