@@ -171,31 +171,33 @@ class Probe:
 
     def _by_lines(self, every: Sequence[Known]) -> Iterator[Match]:
         for address, group in self._groups(every, ByLine).items():
-            identity = self._line(address, ASK_IDENTITY, b"\r\n", str) or ""
+            identity = self._line(address, ByLine(query=ASK_IDENTITY, read=str)) or ""
             if named := [each for each, by in group if any(name in identity.upper() for name in by.names)]:
                 yield from (_match(each, "certain", identity, address) for each in named)
                 return
             for each, by in sorted(group, key=lambda asked: (-len(asked[1].sent_end), asked[1].sent_end)):
-                text = self._line(address, by.query, by.sent_end, by.read)
+                text = self._line(address, by)
                 if text is not None:
                     yield _match(each, "likely", text, address)
                     return
 
-    def _line(self, address: str, query: str, sent_end: bytes, read: Callable[[str], str]) -> str | None:
-        """Ask for one line over a new connection; return what `read` makes of it, None if there is nothing to read."""
+    def _line(self, address: str, by: ByLine) -> str | None:
+        """Ask for one line over a new connection; return what `by` reads in it, None if there is nothing to read."""
         log = WireLog(entry_bytes=MOST_BYTES)
         link = byte_link(address, reconnect=ONCE, wire_log=log)
-        manners = Manners(sent_end=sent_end, timeout_s=self._timeout_s)
+        manners = Manners(
+            sent_end=by.sent_end, answer_end=by.answer_end, encoding=by.encoding, timeout_s=self._timeout_s
+        )
         dialogue = LineDialogue("device", link, manners=manners, clock=self._clock)
         found, words = None, "no complete line"
         try:
             dialogue.open()
-            line = dialogue.tell(query)
-            if line == query:
+            line = dialogue.tell(by.query)
+            if line == by.query:
                 words = "an echo: the device, or a wire between TX and RX, returns what is sent"
             else:
                 words = f"{line!r}, not understood"
-                found = read(line)
+                found = by.read(line)
                 words = found if found == line else f"{line!r}: {found}"
         except LinkCutError:
             words = "the other side closed the connection"
@@ -205,7 +207,7 @@ class Probe:
             dialogue.close()
         entries = log.last(64)
         received = _bytes_of(entries, "received")
-        self._say(address, query, words if received else "nothing", _bytes_of(entries, "sent"), received)
+        self._say(address, by.query, words if received else "nothing", _bytes_of(entries, "sent"), received)
         return found
 
     def _by_registers(self, every: Sequence[Known]) -> Iterator[Match]:

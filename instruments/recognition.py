@@ -44,14 +44,16 @@ class ByLine:
     """Recognised by a line of ASCII.
 
     `names` are parts of an answer to `*IDN?` that are certain, in capitals. `read` describes the device from the answer
-    to `query`, or raises `InstrumentError` if that is another device's. `sent_end` ends the query; `baud` is the speed
-    of a serial address that states none.
+    to `query`, or raises `InstrumentError` if that is another device's. `sent_end`, `answer_end` and `encoding` are
+    those of `Manners`; `baud` is the speed of a serial address that states none.
     """
 
     query: str
     read: Callable[[str], str]
     names: tuple[str, ...] = ()
     sent_end: bytes = b"\r\n"
+    answer_end: bytes | None = b"\n"
+    encoding: str = "ascii"
     baud: int = 19200
     schemes: tuple[Scheme, ...] = ANY_LINK
 

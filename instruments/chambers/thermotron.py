@@ -12,6 +12,7 @@ that does not end shows it.
 from __future__ import annotations
 
 from abc import abstractmethod
+from functools import partial
 from typing import ClassVar
 
 from benchctl_instruments.chambers.line_chamber import SETPOINT, KeptLimitsChamber
@@ -22,8 +23,16 @@ from benchctl_instruments.links.tcp import Reconnect
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import thermotron
 from benchctl_instruments.protocols.lines import parse_number
+from benchctl_instruments.recognition import ByLine
 
 BAUD = 9600
+
+
+def recognition_of(model: str) -> tuple[ByLine, ...]:
+    """Return how a controller is recognised: by its name."""
+    return (
+        ByLine(query=thermotron.IDENTITY, read=partial(thermotron.read_name, model=model), answer_end=None, baud=BAUD),
+    )
 
 
 class Thermotron(KeptLimitsChamber):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from benchctl_instruments.chambers.thermotron import Thermotron
+from benchctl_instruments.chambers.thermotron import Thermotron, recognition_of
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import ChamberReading, Identity
 from benchctl_instruments.protocols import thermotron
@@ -21,6 +21,7 @@ AFTER_COMMAND_S = 1.0
 class Thermotron3800(Thermotron):
     """Driver of a chamber with a Thermotron 3800. Not tried on hardware. Parameters: see `Thermotron`; power is NaN."""
 
+    recognition = recognition_of("3800")
     NAME, COMMANDS_ANSWERED = "Thermotron 3800", False
 
     def identify(self) -> Identity:

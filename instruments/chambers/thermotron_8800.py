@@ -13,7 +13,7 @@ from __future__ import annotations
 from functools import partial
 
 from benchctl_instruments.chambers.line_chamber import RAMP, ramp_refused
-from benchctl_instruments.chambers.thermotron import Thermotron
+from benchctl_instruments.chambers.thermotron import Thermotron, recognition_of
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.tcp import Reconnect
@@ -35,6 +35,7 @@ class Thermotron8800(Thermotron):
         As for `Thermotron`.
     """
 
+    recognition = recognition_of("8800")
     NAME, COMMANDS_ANSWERED = "Thermotron 8800", True
 
     def __init__(

@@ -29,6 +29,7 @@ from benchctl_instruments.links.tcp import Reconnect
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import ascii2
 from benchctl_instruments.protocols.ascii2 import Description, State
+from benchctl_instruments.recognition import ByLine
 
 BAUD = 9600
 QUIET_S = 0.5
@@ -52,6 +53,17 @@ class WeissAscii2(KeptLimitsChamber):
     reconnect, wire_log
         See `byte_link`.
     """
+
+    recognition = (
+        ByLine(
+            query=ascii2.request(1, "I"),
+            read=ascii2.recognised,
+            sent_end=b"\r",
+            answer_end=None,
+            encoding="latin-1",
+            baud=BAUD,
+        ),
+    )
 
     def __init__(
         self,

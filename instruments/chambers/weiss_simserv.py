@@ -26,6 +26,7 @@ from benchctl_instruments.links.tcp import Reconnect, TcpLink
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import simserv
 from benchctl_instruments.protocols.simserv import START, TEMPERATURE
+from benchctl_instruments.recognition import ByLine
 
 
 class WeissSimserv(KeptLimitsChamber):
@@ -46,6 +47,16 @@ class WeissSimserv(KeptLimitsChamber):
     reconnect, wire_log
         See `TcpLink`.
     """
+
+    recognition = (
+        ByLine(
+            query=simserv.command(simserv.INFO, simserv.TYPE),
+            read=lambda line: f"Weiss/Vötsch {simserv.read_text(line)}",
+            sent_end=b"\r",
+            encoding=simserv.ENCODING,
+            schemes=("tcp",),
+        ),
+    )
 
     def __init__(
         self,

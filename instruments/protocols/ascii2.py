@@ -112,6 +112,14 @@ def read_state(line: str, description: Description) -> State:
     return State(values=values, channels=found[2])
 
 
+def recognised(line: str) -> str:
+    """Describe a chamber by its answer to I, without the description of its values."""
+    found = _LINE.fullmatch(line)
+    if found is None:
+        raise UnreadableError(f"expected values and channels, got {line[:MOST_SHOWN]!r}")
+    return f"Weiss/Vötsch, ASCII-2, {len(found[1].split())} values, {len(found[2])} channels"
+
+
 def read_accepted(line: str) -> None:
     """Check the answer to a request that writes."""
     if line != ACCEPTED:

@@ -56,6 +56,13 @@ STOPS: Mapping[int, str] = {
 }
 
 
+def read_name(line: str, model: str) -> str:
+    """Return the answer to `IDENTITY` if it names a model."""
+    if model not in line:
+        raise UnreadableError(f"expected the name of a Thermotron {model}, got {line[:MOST_SHOWN]!r}")
+    return f"Thermotron {line}"
+
+
 def set_value(mnemonic: str, value: float) -> str:
     """Return the command that sets a value."""
     return f"{mnemonic},{value:.1f}"
