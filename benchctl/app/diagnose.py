@@ -23,6 +23,7 @@ from benchctl.recordings.verify import refuse_changed
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports.diagnosis_words import estimate
 from benchctl.reports.results import make_folder, name_of, source_digest
+from benchctl.signals.under_test import under_test
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
@@ -95,7 +96,7 @@ def diagnose(
         refuse_changed(path, "diagnosed")
     with ExitStack() as stack:
         recordings = [stack.enter_context(open_recording(path)) for path in paths]
-        joined = join(recordings)
+        joined = under_test(join(recordings))
         believed, notes = (None, ()) if model is None else _believed(model, part)
         found = diagnosis.diagnose(joined, model=believed, part=part, seed=seed, progress=progress)
         names = " + ".join(name_of(path) for path in paths)

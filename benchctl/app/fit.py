@@ -23,6 +23,7 @@ from benchctl.reports.coefficient_tables import joint_coefficients, stage_tables
 from benchctl.reports.points_page import coefficients as points_of
 from benchctl.reports.points_page import write_static_points_report
 from benchctl.reports.results import make_folder, may_be_made, source_digest
+from benchctl.signals.under_test import under_test
 from benchctl_instruments.errors import UsageError
 
 
@@ -104,7 +105,7 @@ def fit(paths: Sequence[Path], *, out: Path | None = None, model: Path | None = 
     """
     discovered = _taken_off(model)
     with opened_unchanged(paths, "fitted") as recordings:
-        joined = join(recordings)
+        joined = under_test(join(recordings))
         if out is not None and not may_be_made(out):
             make_folder(out)  # raises the error before any work
         found = _fitted(joined, recordings, discovered)

@@ -30,7 +30,7 @@ from benchctl.recordings.hdf5_guard import (
     plain_errors,
     require_harmless,
 )
-from benchctl.recordings.model import Axis, Meta, Step, StepInfo, axis_of
+from benchctl.recordings.model import AXES, Axis, Meta, Step, StepInfo, axis_of
 from benchctl.recordings.opening import fill, open_closed, open_growing
 from benchctl.recordings.schema import FORMAT, PART_SUFFIX, STEPS, group_name
 from benchctl.recordings.stored import SCANS_AT_ONCE, StoredStep
@@ -103,7 +103,8 @@ class RecordingFile:
         """Return a step whose samples are read one stretch at a time; reading raises what `load` raises about them."""
         found, lengths = self._checked(info)
         fill = partial(self._fill, info, found)
-        return StoredStep(info, tuple(found), lengths.get("time_s", 0), fill, lengths.get("poll_time_s", 0))
+        scans, polls, frames = (lengths.get(axis, 0) for axis in AXES)
+        return StoredStep(info, tuple(found), scans, fill, polls, frames)
 
     def _fill(self, info: StepInfo, found: dict[str, h5py.Dataset], name: str, start: int, samples: FloatArray) -> None:
         with self._reading(info, name):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Any
 
@@ -62,6 +62,9 @@ class StatedUncertainties:
     latitude_deg: Stated
 
 
+_NO_CONVERTER = Stated(standard=0.0, says="none: the output is digital")
+
+
 def stated(bench: Bench) -> StatedUncertainties:
     """Return the standard uncertainties of a bench: from its certificates, else from its digitizer, else assumed."""
     digitizer = bench.digitizer
@@ -69,7 +72,10 @@ def stated(bench: Bench) -> StatedUncertainties:
 
 
 def stated_of(meta: Meta) -> StatedUncertainties:
-    """Return the same from the bench.toml that a recording stores; without certificates if it cannot be read."""
+    """Return the same from the bench.toml that a recording stores; without certificates if it cannot be read.
+
+    The digitizer's volts have no part in an output that is recorded as a number.
+    """
     facts = meta.bench
     bench, assumed = None, "assumed"
     if text := meta.provenance.get("bench_toml"):
@@ -77,7 +83,8 @@ def stated_of(meta: Meta) -> StatedUncertainties:
             bench = bench_of_text(text, "the recording's bench.toml")
         except UsageError:  # of another version; its samples are still valid
             assumed = "assumed: the recording's bench.toml cannot be read"
-    return _stated(bench, facts.encoder_accuracy_arcsec, facts.adc_step_v, assumed)
+    found = _stated(bench, facts.encoder_accuracy_arcsec, facts.adc_step_v, assumed)
+    return found if meta.output_unit == "V" else replace(found, gain_ppm=_NO_CONVERTER, offset_v=_NO_CONVERTER)
 
 
 def expired_of(meta: Meta) -> tuple[Expired, ...]:

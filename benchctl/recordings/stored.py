@@ -22,9 +22,9 @@ _SCANS = "time_s"
 class StoredStep:
     """A step that is not in memory.
 
-    `names` are all its channels; those on the axis `time_s` have `scans` samples, those on `poll_time_s` `polls`.
-    `fill` fills an array with samples of a channel, from a given scan on. Read in order, so that a recording can be
-    digested while it is read.
+    `names` are all its channels; those on the axis `time_s` have `scans` samples, those on `poll_time_s` `polls`,
+    those on `frame_time_s` `frames`. `fill` fills an array with samples of a channel, from a given scan on. Read in
+    order, so that a recording can be digested while it is read.
     """
 
     info: StepInfo
@@ -32,6 +32,7 @@ class StoredStep:
     scans: int
     fill: Callable[[str, int, FloatArray], None]
     polls: int = 0
+    frames: int = 0
 
     def read(self, name: str, start: int, stop: int) -> FloatArray:
         """Return the samples `start:stop` of a channel."""
@@ -101,9 +102,9 @@ class StoredStep:
 
 def stored_of(step: Step) -> StoredStep:
     """Return a step that is in memory as a `StoredStep`."""
-    scans, polls = (len(step.channels.get(axis, ())) for axis in (_SCANS, "poll_time_s"))
+    scans, polls, frames = (len(step.channels.get(axis, ())) for axis in AXES)
 
     def fill(name: str, start: int, samples: FloatArray) -> None:
         samples[:] = step.channels[name][start : start + samples.size]
 
-    return StoredStep(step.info, tuple(step.channels), scans, fill, polls)
+    return StoredStep(step.info, tuple(step.channels), scans, fill, polls, frames)
