@@ -49,7 +49,7 @@ class Compensated:
         law, applied = self.compensation.law, self.applied
         lines = [
             f"{self.recording}: {applied.samples:,} samples compensated, law {law.name} of the "
-            f"{'joint fit' if self.compensation.by == 'joint' else 'stages'}; a rate belongs to time_s less "
+            f"{'joint fit' if self.compensation.by == 'joint' else 'stages'}; a rate belongs to its stamp less "
             f"{1e3 * law.delay_s:.4g} ms"
         ]
         if applied.outside:
@@ -66,7 +66,9 @@ class Compensated:
 
 
 def compensate(path: Path, coefficients: Path, output: Path, *, law: By | None = None) -> Compensated:
-    """Write a copy of a recording with the compensated rate in an additional channel, `compensated_dps`.
+    """Write a copy of a recording with the compensated rate in an additional channel.
+
+    The channel is `compensated_dps`; of a digital gyro's frames, `frame_compensated_dps`.
 
     `law` chooses that of the `coefficients`, by default the joint fit's, if there is one.
 

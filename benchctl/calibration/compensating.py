@@ -45,7 +45,16 @@ from benchctl.calibration.model import AppliedLaw
 from benchctl.calibration.result import ValidRange
 from benchctl.documents import json_document
 from benchctl.limits import MOST_DESCRIPTION_BYTES, read_whole, shown
-from benchctl.recordings.model import COMPENSATED, COMPENSATED_VALID, Meta, Step
+from benchctl.recordings.model import (
+    COMPENSATED,
+    COMPENSATED_VALID,
+    FRAME_CHANNELS,
+    FRAME_COMPENSATED,
+    FRAME_COMPENSATED_VALID,
+    Meta,
+    Step,
+    axis_of,
+)
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.writer import write_recording
 from benchctl_instruments.arrays import BoolArray, FloatArray
@@ -201,7 +210,19 @@ def self_test_points(compensation: Compensation) -> list[SelfTestPoint]:
     return [SelfTestPoint(*map(float, point)) for point in zip(volts, celsius, given, strict=True)]
 
 
-_NEEDED = ("gyro_v", "gyro_temp_c")
+@dataclass(frozen=True, slots=True)
+class _Channels:
+    """The channels of an output, its temperature and its status (0: valid; "": none), and those of the result."""
+
+    output: str
+    celsius: str
+    status: str
+    rate: str
+    valid: str
+
+
+_OF_SCANS = _Channels("gyro_v", "gyro_temp_c", "", COMPENSATED, COMPENSATED_VALID)
+_OF_FRAMES = _Channels(*FRAME_CHANNELS[1:], FRAME_COMPENSATED, FRAME_COMPENSATED_VALID)
 
 
 @dataclass(slots=True)
@@ -224,6 +245,9 @@ def write_compensated(
 ) -> Applied:
     """Write a copy of the recording with `compensated_dps` and `compensated_valid` in each step that can have them.
 
+    Coefficients of a rate are applied to a digital gyro's frames, if there are any: `frame_compensated_dps`,
+    `frame_compensated_valid`. Samples that the gyro does not vouch for have no rate.
+
     One step is in memory at a time. The provenance names the recording by its `digest`, and the file of coefficients
     by its name and SHA-256. No sample is moved in time: `comment` of the channel states its delay.
 
@@ -233,41 +257,45 @@ def write_compensated(
         If the coefficients are of another unit or output, the recording is already compensated, no step has an output
         and a temperature, or the disk cannot be written. No partial file remains.
     """
-    _refuse_another(recording, compensation)
     channels = {info.index: recording.channels(info.index) for info in recording.infos}
-    if any(COMPENSATED in names for names in channels.values()):
+    digital = compensation.output_unit == "deg/s" and any(_OF_FRAMES.output in names for names in channels.values())
+    _refuse_another(recording, compensation, "deg/s" if digital else recording.meta.output_unit)
+    own = _OF_FRAMES if digital else _OF_SCANS
+    if any(own.rate in names for names in channels.values()):
         raise UsageError(
-            f"{recording.path}: has {COMPENSATED} already; take the recording that it was made of, which its "
+            f"{recording.path}: has {own.rate} already; take the recording that it was made of, which its "
             "provenance names"
         )
-    if not any(set(_NEEDED) <= set(names) for names in channels.values()):
+    if not any({own.output, own.celsius} <= set(names) for names in channels.values()):
         raise UsageError(
-            f"{recording.path}: no step has gyro_v and gyro_temp_c, sample by sample, and so nothing "
+            f"{recording.path}: no step has {own.output} and {own.celsius}, sample by sample, and so nothing "
             "to compensate; `benchctl show` lists its channels"
         )
     applied = Applied(
-        without=tuple(index for index, names in channels.items() if "gyro_v" in names and "gyro_temp_c" not in names)
+        without=tuple(index for index, names in channels.items() if own.output in names and own.celsius not in names)
     )
-    meta = _described(recording, compensation, digest, coefficients)
-    write_recording(path, meta, _compensated(recording, compensation, applied))
+    meta = _described(recording, compensation, own, digest, coefficients)
+    write_recording(path, meta, _compensated(recording, compensation, own, applied))
     return applied
 
 
-def _refuse_another(recording: Recording, compensation: Compensation) -> None:
+def _refuse_another(recording: Recording, compensation: Compensation, output_unit: str) -> None:
     serial = recording.meta.unit.serial
     if serial and compensation.unit and serial != compensation.unit:
         raise UsageError(
             f"{recording.path}: is of unit {serial}, the coefficients are of unit {compensation.unit}; take those of "
             "its own unit"
         )
-    if recording.meta.output_unit != compensation.output_unit:
+    if output_unit != compensation.output_unit:
         raise UsageError(
-            f"{recording.path}: its output is in {recording.meta.output_unit}, that of the coefficients in "
+            f"{recording.path}: its output is in {output_unit}, that of the coefficients in "
             f"{compensation.output_unit}; take those that were fitted on such a recording"
         )
 
 
-def _described(recording: Recording, compensation: Compensation, digest: str, coefficients: str) -> Meta:
+def _described(
+    recording: Recording, compensation: Compensation, own: _Channels, digest: str, coefficients: str
+) -> Meta:
     meta, law, valid = recording.meta, compensation.law, compensation.valid
     facts = {
         "recording": recording.path.name,
@@ -278,9 +306,10 @@ def _described(recording: Recording, compensation: Compensation, digest: str, co
         "delay_s": law.delay_s,
     }
     comments = {
-        COMPENSATED: f"by coefficients with SHA-256 {compensation.sha256}, law {law.name} of the "
-        f"{'joint fit' if compensation.by == 'joint' else 'stages'}; the rate belongs to time_s - {law.delay_s:.9g} s",
-        COMPENSATED_VALID: f"the coefficients were measured from {valid.rate_dps[0]:.9g} to {valid.rate_dps[1]:.9g} "
+        own.rate: f"by coefficients with SHA-256 {compensation.sha256}, law {law.name} of the "
+        f"{'joint fit' if compensation.by == 'joint' else 'stages'}; the rate belongs to {axis_of(own.rate)} - "
+        f"{law.delay_s:.9g} s",
+        own.valid: f"the coefficients were measured from {valid.rate_dps[0]:.9g} to {valid.rate_dps[1]:.9g} "
         f"degree/s and from {valid.temperature_c[0]:.9g} to {valid.temperature_c[1]:.9g} degC",
     }
     return replace(
@@ -290,20 +319,23 @@ def _described(recording: Recording, compensation: Compensation, digest: str, co
     )
 
 
-def _compensated(recording: Recording, compensation: Compensation, applied: Applied) -> Iterator[Step]:
+def _compensated(recording: Recording, compensation: Compensation, own: _Channels, applied: Applied) -> Iterator[Step]:
     for step in recording.steps():
-        yield _with_rate(step, compensation, applied) if set(_NEEDED) <= set(step.channels) else step
+        has_both = {own.output, own.celsius} <= set(step.channels)
+        yield _with_rate(step, compensation, own, applied) if has_both else step
 
 
-def _with_rate(step: Step, compensation: Compensation, applied: Applied) -> Step:
-    celsius = step["gyro_temp_c"]
-    rate_dps = compensation.law.rate_dps(step["gyro_v"], celsius)
+def _with_rate(step: Step, compensation: Compensation, own: _Channels, applied: Applied) -> Step:
+    celsius = step[own.celsius]
+    rate_dps = compensation.law.rate_dps(step[own.output], celsius)
+    if own.status:
+        rate_dps = np.where(step[own.status] == 0.0, rate_dps, np.nan)
     inside = compensation.inside(rate_dps, celsius)
     applied.samples += inside.size
     applied.outside += int(np.count_nonzero(~inside))
     applied.most_dps = max(applied.most_dps, _beyond(rate_dps, compensation.valid.rate_dps))
     applied.most_c = max(applied.most_c, _beyond(celsius, compensation.valid.temperature_c))
-    return Step(step.info, {**step.channels, COMPENSATED: rate_dps, COMPENSATED_VALID: inside.astype(np.float64)})
+    return Step(step.info, {**step.channels, own.rate: rate_dps, own.valid: inside.astype(np.float64)})
 
 
 def _beyond(values: np.ndarray, ends: tuple[float, float]) -> float:

@@ -25,7 +25,10 @@ FRAME_CHANNELS = ("frame_time_s", "frame_rate_dps", "frame_temp_c", "frame_statu
 """The channels of a digital gyro."""
 
 COMPENSATED, COMPENSATED_VALID = "compensated_dps", "compensated_valid"
-"""The channels that `benchctl apply` adds to a step."""
+FRAME_COMPENSATED, FRAME_COMPENSATED_VALID = "frame_compensated_dps", "frame_compensated_valid"
+"""The channels that `benchctl apply` adds to a step, at its scans or at a digital gyro's frames."""
+
+_ON_FRAMES = frozenset({*FRAME_CHANNELS, FRAME_COMPENSATED, FRAME_COMPENSATED_VALID})
 
 UNITS: Mapping[str, str] = {
     "time_s": "s",
@@ -44,8 +47,13 @@ UNITS: Mapping[str, str] = {
     "frame_status": "1",
     COMPENSATED: "degree/s",
     COMPENSATED_VALID: "1",
+    FRAME_COMPENSATED: "degree/s",
+    FRAME_COMPENSATED_VALID: "1",
 }
 """The channels that benchctl records, imports or computes, with their CF units; polled ones begin with `poll_`."""
+
+_SENSED = "sensed rate by the coefficients of the unit, that of the table and of the Earth along the axis"
+_WITHIN = "1: the coefficients were measured at such a rate and temperature; 0: not, or there is no rate"
 
 DESCRIPTIONS: Mapping[str, str] = {
     "time_s": "time of the scan since the start of the recording",
@@ -62,8 +70,10 @@ DESCRIPTIONS: Mapping[str, str] = {
     "frame_rate_dps": "rate that the digital gyro states, positive counter-clockwise",
     "frame_temp_c": "temperature that the digital gyro states",
     "frame_status": "0: the digital gyro vouches for the sample; otherwise 256 + the status that it states",
-    COMPENSATED: "sensed rate by the coefficients of the unit, that of the table and of the Earth along the axis",
-    COMPENSATED_VALID: "1: the coefficients were measured at such a rate and temperature; 0: not, or there is no rate",
+    COMPENSATED: _SENSED,
+    COMPENSATED_VALID: _WITHIN,
+    FRAME_COMPENSATED: _SENSED,
+    FRAME_COMPENSATED_VALID: _WITHIN,
 }
 
 _BY_HAND = ("power_cycle", "mount", "ask")
@@ -72,7 +82,7 @@ _POLLED_KINDS = ("soak", *_BY_HAND)
 
 def axis_of(channel: str) -> Axis:
     """Return the time axis of a channel."""
-    if channel in FRAME_CHANNELS:
+    if channel in _ON_FRAMES:
         return "frame_time_s"
     return "poll_time_s" if channel.startswith("poll_") else "time_s"
 

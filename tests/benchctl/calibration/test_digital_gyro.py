@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchctl.app.allan import allan
+from benchctl.app.compensate import compensate
 from benchctl.app.fit import FitResult, fit
 from benchctl.bench import bench_of_text, template
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import run_campaign
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step
+from benchctl.recordings.exporting import export_csv
 from benchctl.recordings.reader import open_recording
+from benchctl.recordings.verify import verify
+from benchctl.recordings.writer import write_recording
 from benchctl_instruments.simulated.settings import WorldSettings
 
 RATE_HZ = 250.0
@@ -73,3 +78,39 @@ def test_the_allan_deviation_is_that_of_the_frames(recorded: Path) -> None:
     assert (series.unit, round(1.0 / series.interval_s)) == ("deg/s", RATE_HZ)
     with open_recording(recorded) as recording:
         assert recording.meta.output_unit == "V"  # what is stored is not changed
+
+
+def test_the_coefficients_compensate_the_frames_they_came_from(
+    recorded: Path, fitted: FitResult, tmp_path: Path
+) -> None:
+    done = compensate(recorded, fitted.write(tmp_path).files["coefficients"], tmp_path / "c.h5")
+    assert f"a rate belongs to its stamp less {1e3 * done.values()['delay_s']:.4g} ms" in str(done)
+    with open_recording(done.recording) as recording:
+        turns = [info for info in recording.infos if info.kind == "constant_rate"]
+        assert turns
+        for info in turns:
+            step = recording.step(info.index)
+            assert "compensated_dps" not in step.channels
+            middle = slice(len(step["frame_time_s"]) // 2, None)
+            earth = fitted.coefficients["earth_rate_dps"]
+            assert step["frame_compensated_dps"][middle].mean() - earth == pytest.approx(info.rate_dps, abs=0.02)
+    assert verify(done.recording) == []
+
+
+def test_a_sample_that_the_gyro_does_not_vouch_for_has_no_compensated_rate(
+    recorded: Path, fitted: FitResult, tmp_path: Path
+) -> None:
+    with open_recording(recorded) as recording:
+        steps = list(recording.steps())
+        steps[3]["frame_status"][100:103] = 256.0
+        write_recording(tmp_path / "r.h5", recording.meta, steps)
+    done = compensate(tmp_path / "r.h5", fitted.write(tmp_path).files["coefficients"], tmp_path / "c.h5")
+    assert done.applied.outside >= 3
+    with open_recording(done.recording) as recording:
+        step = recording.step(steps[3].info.index)
+        export_csv(recording, tmp_path / "csv")
+    assert np.flatnonzero(np.isnan(step["frame_compensated_dps"])).tolist() == [100, 101, 102]
+    assert not step["frame_compensated_valid"][100:103].any()
+    first_lines = [path.read_text().split("\n", 1)[0] for path in (tmp_path / "csv").glob("*_frames.csv")]
+    assert all("frame_compensated_dps" in line for line in first_lines)
+    assert first_lines
