@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -17,13 +17,15 @@ from benchctl.metrology.gyro_tests.small_rates import dead_zone_tests, small_rat
 from benchctl.metrology.gyro_tests.temperature import temperature_tests
 from benchctl.metrology.gyro_tests.warm_up import ramp_tests, warm_up_tests
 from benchctl.metrology.limit_file import Limits
-from benchctl.metrology.names import UNITS
+from benchctl.metrology.names import RATE_UNITS, UNITS
 from benchctl.metrology.observations import Observations, Settings, observe
+from benchctl.metrology.of_rates import of_rates
 from benchctl.metrology.result import Acceptance, Measured, Message, message
 from benchctl.metrology.stretches import LEAST_V2
 from benchctl.metrology.verdict import judged, overall, rule_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stated import expired_of
+from benchctl.signals.under_test import under_test
 from benchctl_instruments.errors import UsageError
 
 _TESTS: tuple[Callable[[Observations], Iterator[Measured]], ...] = (
@@ -47,7 +49,7 @@ def measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ...
     Raises
     ------
     UsageError
-        If it has no reading, or its output is not in volts or never changes.
+        If it has no reading, or its output never changes.
     """
     # BLAS sums in another order with another number of threads: a rerun on another machine must give the same digits
     with threadpool_limits(limits=1, user_api="blas"):
@@ -55,11 +57,7 @@ def measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ...
 
 
 def _measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ...]:
-    if recording.meta.output_unit != "V":
-        raise UsageError(
-            f"{recording.path}: the output is in {recording.meta.output_unit}; the tests are defined for a gyro whose "
-            "output is in volts"
-        )
+    recording = under_test(recording)
     obs = observe(recording, settings)
     if not obs.stretches:
         raise UsageError(
@@ -68,19 +66,23 @@ def _measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ..
         )
     if obs.points.set_dps.size > 1 and np.ptp(obs.points.output_v) < math.sqrt(LEAST_V2):
         raise UsageError(
-            f"{recording.path}: the output is {obs.points.output_v[0]:g} V at every rate; "
+            f"{recording.path}: the output is {obs.points.output_v[0]:g} {recording.meta.output_unit} at every rate; "
             "check that the unit is connected and on"
         )
     found = {measured.name: measured for test in _TESTS for measured in test(obs)}
-    return tuple(found[name] for name in UNITS)
+    results = (found[name] for name in UNITS)
+    return tuple(results if recording.meta.output_unit == "V" else map(of_rates, results))
 
 
 def accepted(recording: Recording, limits: Limits) -> Acceptance:
-    """Measure a recording and judge it; raises the errors of `measured_in`."""
+    """Measure a recording and judge it.
+
+    Raises the errors of `measured_in`, and `UsageError` if a limit is for the other kind of output.
+    """
     rule = rule_of(limits.guard)
-    every = tuple(
-        judged(measured, limits.limits.get(measured.name), rule) for measured in measured_in(recording, limits.settings)
-    )
+    results = measured_in(recording, limits.settings)
+    _refuse_other_output(results, limits)
+    every = tuple(judged(measured, limits.limits.get(measured.name), rule) for measured in results)
     return Acceptance(
         verdict=overall(every),
         rule=rule,
@@ -92,6 +94,17 @@ def accepted(recording: Recording, limits: Limits) -> Acceptance:
         anomalies=tuple(_anomalies(recording)),
         step_digests={info.index: info.digest for info in recording.infos if info.digest},
     )
+
+
+def _refuse_other_output(results: Sequence[Measured], limits: Limits) -> None:
+    for one in results:
+        limit, of_rate = limits.limits.get(one.name), RATE_UNITS.get(one.name)
+        if limit is not None and of_rate and (limit.unit == of_rate) != (one.unit == of_rate):
+            output, unit = ("a rate", of_rate) if one.unit == of_rate else ("in volts", UNITS[one.name])
+            raise UsageError(
+                f"{limits.path}: limits.{one.name} is in {limit.unit}, but the output of this unit is {output}; state "
+                f'the limit with unit = "{unit}"'
+            )
 
 
 def _anomalies(recording: Recording) -> Iterator[Message]:

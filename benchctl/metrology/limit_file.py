@@ -9,7 +9,7 @@ low_rate_dps = 40.0
 [limits.scale_factor]
 low = 49.5
 high = 50.5
-unit = "mV/(deg/s)"
+unit = "mV/(deg/s)"              # "1" for a digital gyro, whose scale factor is a number near 1
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pydantic import Field, model_validator
 
 from benchctl.closeness import meant
 from benchctl.limits import shown
-from benchctl.metrology.names import UNITS
+from benchctl.metrology.names import RATE_UNITS, UNITS
 from benchctl.metrology.observations import Settings
 from benchctl.metrology.result import Limit, Papers
 from benchctl.tables import Table
@@ -98,6 +98,8 @@ def limits_of_text(text: str, path: Path) -> Limits:
     for name, entry in content.limits.items():
         if name not in UNITS:
             raise UsageError(f"{path}, line {line_of(text, ('limits', name))}: {_unknown(name)}")
+        if entry.unit == RATE_UNITS.get(name):
+            continue
         try:
             factor_between(UNITS[name], entry.unit)
         except ValueError as err:

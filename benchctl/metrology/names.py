@@ -36,6 +36,9 @@ UNITS: Mapping[str, str] = {
 }
 """In the order of a report."""
 
+RATE_UNITS: Mapping[str, str] = {"scale_factor": "1"}
+"""The units that differ if the output is a rate in deg/s: the scale factor is then the stated rate over the true."""
+
 PROCEDURES: Mapping[str, str] = {
     "scale_factor": "rate_sweep",
     "nonlinearity": "rate_sweep",

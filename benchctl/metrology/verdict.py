@@ -52,7 +52,11 @@ def overall(every: tuple[Judged, ...]) -> Verdict:
 
 def in_unit(measured: Measured, unit: str) -> Measured:
     """Return the same result in another unit; its tables and plots keep theirs."""
-    factor = factor_between(measured.unit, unit)
+    return scaled(measured, factor_between(measured.unit, unit), unit)
+
+
+def scaled(measured: Measured, factor: float, unit: str) -> Measured:
+    """Return the same result in a unit in which its number is `factor` times as large."""
     value, uncertainty = measured.value, measured.uncertainty
     return replace(
         measured,

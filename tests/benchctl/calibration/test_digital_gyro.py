@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchctl.app.accept import accept
 from benchctl.app.allan import allan
 from benchctl.app.compensate import compensate
 from benchctl.app.fit import FitResult, fit
 from benchctl.bench import bench_of_text, template
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import run_campaign
+from benchctl.metrology.limit_file import limits_of_text
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step
 from benchctl.recordings.exporting import export_csv
 from benchctl.recordings.reader import open_recording
@@ -114,3 +116,11 @@ def test_a_sample_that_the_gyro_does_not_vouch_for_has_no_compensated_rate(
     first_lines = [path.read_text().split("\n", 1)[0] for path in (tmp_path / "csv").glob("*_frames.csv")]
     assert all("frame_compensated_dps" in line for line in first_lines)
     assert first_lines
+
+
+def test_the_acceptance_tests_are_those_of_the_frames(recorded: Path) -> None:
+    text = '[settings]\nrest_s = 9.0\n[limits.scale_factor]\nlow = 0.97\nhigh = 1.0\nunit = "1"\n'
+    found = accept(recorded, limits_of_text(text, Path("limits.toml")))
+    results = {one.measured.name: one for one in found.tests}
+    assert (found.verdict, results["scale_factor"].measured.unit) == ("PASS", "1")
+    assert found.values()["tests"][0]["unit"] == "1"

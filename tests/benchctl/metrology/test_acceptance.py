@@ -318,11 +318,21 @@ def test_noise_that_a_converters_step_hides_is_no_reason_to_stop(unit: MadeUnit,
     assert found["scale_factor"].value == pytest.approx(50.0, rel=1e-3)
 
 
-def test_an_output_that_is_a_rate_already_is_refused() -> None:
+def test_the_scale_factor_of_an_output_that_is_a_rate_is_a_number() -> None:
     made = recorded(SMALL, QUIET, 1)[0]
-    digital = replace(made.meta, extra={"gyro_output_unit": "deg/s"})
-    with pytest.raises(UsageError, match="the output is in deg/s"):
-        measured_in(altered(made, lambda step: step, digital), Settings())
+    digital = altered(made, lambda step: step, replace(made.meta, extra={"gyro_output_unit": "deg/s"}))
+    volts, rates = measured_in(made, Settings())[0], measured_in(digital, Settings())[0]
+    assert volts.value is not None
+    assert (volts.unit, rates.unit, rates.value) == ("mV/(deg/s)", "1", pytest.approx(1e-3 * volts.value))
+    assert [column.unit for column in rates.table] == ["deg/s", "deg/s", "ppm"]
+    assert rates.picture is not None
+    assert (rates.picture.x_unit, rates.picture.y_unit) == ("deg/s", "deg/s")
+    own = limits_of_text('[limits.scale_factor]\nlow = 0.049\nhigh = 0.051\nunit = "1"', Path("digital.toml"))
+    assert accepted(digital, own).verdict == "PASS"
+    with pytest.raises(UsageError, match='the output of this unit is a rate; state the limit with unit = "1"'):
+        accepted(digital, LIMITS)
+    with pytest.raises(UsageError, match='in volts; state the limit with unit = "mV/'):
+        accepted(made, own)
 
 
 LIMITS = limits_of_text(limits_template(), Path("lab/limits.toml"))
