@@ -69,7 +69,7 @@ def mains_places(
     least = FAINTEST**2 * float(np.count_nonzero(pull.rows))
     for index in peaks(honest, _TRIED, max(2, math.ceil(3.0 / (frequency[1] * max(lasts_s, interval_s))))):
         value = float(between(honest, index) * frequency[1])
-        if value < _HARMONICS * swinging_hz and abs(math.remainder(value, swinging_hz)) * lasts_s < 1.0:
+        if 0.0 < value < _HARMONICS * swinging_hz and abs(math.remainder(value, swinging_hz)) * lasts_s < 1.0:
             continue
         if gain[index] > least and 0.0 < value <= 0.5 / interval_s and _is_one_line(pull, time_s, group, value):
             found.append(Place(value, float(gain[index]), paid(places, float(gain[index]), float(level[index]))))

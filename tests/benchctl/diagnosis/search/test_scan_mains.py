@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from benchctl.diagnosis.search import scan_mains
 from benchctl.diagnosis.search.scan_mains import mains_places, swing_hz
 from tests.benchctl.diagnosis.pulled import FloatArray, pulled
 
@@ -91,3 +92,13 @@ def test_a_line_far_above_a_swing_is_found_where_it_is_a_multiple_of_it() -> Non
     pull = pulled(noise + 0.5 * np.sin(2 * np.pi * 41.1 * time_s))
     best = mains_places(pull, time_s, INTERVAL_S, np.zeros(time_s.size, np.int64), 0.1, 1, 41.1 / 60.0)[0]
     assert best.value == pytest.approx(41.1, abs=0.01)
+
+
+def test_the_flank_of_a_broad_rise_of_the_spectrum_is_no_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    time_s = _clock(4000)
+    flank = np.zeros(2001)
+    flank[500:700] = 10_000.0 - 45.0 * np.arange(200) - 1e-4 * np.arange(200) ** 2
+    found = np.arange(2001) * (50.0 / 2000), flank, np.ones(2001)
+    monkeypatch.setattr(scan_mains, "_periodogram", lambda *_: found)
+    places = mains_places(pulled(np.ones(time_s.size)), time_s, INTERVAL_S, np.zeros(time_s.size, np.int64), 0.1, 3)
+    assert all(place.value > 0.0 for place in places)  # a parabola through a flank may have its top far below 0 Hz
