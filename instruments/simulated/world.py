@@ -386,10 +386,10 @@ class World:
     def second_gyro(self) -> AnalogInputs:
         """Return the analog inputs of a second gyro of the same make on the same table, with its own noise.
 
-        It has the effects up to the electronics; effects on samples belong to the digitizer. Reading it does not change
-        the samples of `inputs`.
+        It has the effects up to the electronics and those of the time stamps, whose encoder's side is the digitizer's;
+        other effects on samples belong to the digitizer. Reading it does not change the samples of `inputs`.
         """
         settings = replace(self.settings, seed=self.settings.seed + OTHER_NOISE)
-        inside = [effect for effect in self._effects if effect.stage in GRID_STAGES]
+        inside = [one for one in self._effects if one.stage in GRID_STAGES or isinstance(one, ClockEffect)]
         time = self._timebase.beside()
         return Terminals(time, settings, sensor_of(settings), self._axis, self._climate, self._installation, inside)

@@ -10,6 +10,7 @@ import pytest
 from benchctl.app.accept import accept
 from benchctl.app.allan import allan
 from benchctl.app.compensate import compensate
+from benchctl.app.diagnose import diagnose
 from benchctl.app.fit import FitResult, fit
 from benchctl.bench import bench_of_text, template
 from benchctl.campaign.opened import open_bench
@@ -23,6 +24,7 @@ from benchctl.recordings.writer import write_recording
 from benchctl_instruments.simulated.settings import WorldSettings
 
 RATE_HZ = 250.0
+CONCEALED_S = 0.012
 TRUTH = WorldSettings().gyro
 
 
@@ -40,12 +42,16 @@ def _steps() -> tuple[Step, ...]:
     )
 
 
+def _run(folder: Path, steps: tuple[Step, ...], more: str = "") -> Path:
+    text = f'{template()}[gyro]\nmodel = "kvh_dsp1760"\nframe_rate_hz = {RATE_HZ}\n{more}'
+    plan = Plan(procedure="mine", parameters={}, steps=steps, calibrates=True, source="source")
+    with open_bench(bench_of_text(text, "the bench")) as opened:
+        return run_campaign(plan, opened, folder).recording
+
+
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    bench = bench_of_text(f'{template()}[gyro]\nmodel = "kvh_dsp1760"\nframe_rate_hz = {RATE_HZ}\n', "the bench")
-    plan = Plan(procedure="mine", parameters={}, steps=_steps(), calibrates=True, source="source")
-    with open_bench(bench) as opened:
-        return run_campaign(plan, opened, tmp_path_factory.mktemp("digital") / "c").recording
+    return _run(tmp_path_factory.mktemp("digital") / "c", _steps())
 
 
 @pytest.fixture(scope="module")
@@ -124,3 +130,17 @@ def test_the_acceptance_tests_are_those_of_the_frames(recorded: Path) -> None:
     results = {one.measured.name: one for one in found.tests}
     assert (found.verdict, results["scale_factor"].measured.unit) == ("PASS", "1")
     assert found.values()["tests"][0]["unit"] == "1"
+
+
+@pytest.mark.slow
+def test_a_concealed_delay_of_the_frames_is_fitted_and_diagnosed(fitted: FitResult, tmp_path: Path) -> None:
+    fast = (
+        Sine(amplitude_dps=50.0, frequency_hz=4.0, cycles=30),
+        Sine(amplitude_dps=22.0, frequency_hz=9.0, cycles=70),
+    )
+    late = _run(tmp_path / "c", (*_steps(), *fast), f"[effects.timing_offset]\noffset_s = {CONCEALED_S}\n")
+    own, found = (one.coefficients["uncertainty"]["parameters"]["delay_s"] for one in (fitted, fit([late])))
+    assert found["value"] - own["value"] == pytest.approx(CONCEALED_S, abs=own["expanded"] + found["expanded"])
+    findings = {one.effect: one for one in diagnose([late]).findings}
+    offset = findings["timing_offset"].parameters["offset_s"]
+    assert offset.low - 1e-5 < found["value"] < offset.high + 1e-5

@@ -11,6 +11,7 @@ import pytest
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Effect
 from benchctl_instruments.physics.effects.scale_warm_up import ScaleWarmUp
+from benchctl_instruments.physics.effects.timing_offset import TimingOffset
 from benchctl_instruments.physics.effects.warm_up import WarmUp
 from benchctl_instruments.physics.gyro import horizontal_earth_rate_dps
 from benchctl_instruments.simulated.bench import SimulatedBench
@@ -187,6 +188,20 @@ def test_the_second_gyro_is_in_the_same_hands() -> None:
     world.power(False)
     clock.sleep(1.0)
     assert second.sample(clock.now(), 0.01, 1)[1][0] == 0.0
+
+
+def test_the_second_gyro_is_as_old_at_its_stamps_as_the_first() -> None:
+    clock, world = bench(quiet(), [TimingOffset(offset_s=0.2)])
+    second = world.second_gyro()
+    world.table.demand_rate(40.0)
+    first_s = clock.now()
+    for inputs in (world.inputs, second):
+        inputs.hold_history(first_s)
+    clock.sleep(1.0)
+    first, other = (inputs.sample(first_s, 0.01, 100)[1] for inputs in (world.inputs, second))
+    assert np.ptp(first) > 1.0
+    np.testing.assert_allclose(other, first, rtol=0.0, atol=1e-9)
+    assert np.ptp(first[:20]) < 1e-3 < np.ptp(first[20:40])
 
 
 def test_faults_of_the_machines_are_not_in_the_way() -> None:
