@@ -96,7 +96,7 @@ def diagnose(
         refuse_changed(path, "diagnosed")
     with ExitStack() as stack:
         recordings = [stack.enter_context(open_recording(path)) for path in paths]
-        joined = under_test(join(recordings))
+        joined = under_test(join(recordings)) if part == "gyro" else join(recordings)
         believed, notes = (None, ()) if model is None else _believed(model, part)
         found = diagnosis.diagnose(joined, model=believed, part=part, seed=seed, progress=progress)
         names = " + ".join(name_of(path) for path in paths)

@@ -5,6 +5,7 @@
 | `schema` | `benchctl-coefficients/1` |
 | `convention`, `argument` | of the stages: `correction` of the `indicated` rate (a foreign file may state another) |
 | `K0_v_per_dps`, `U0_v`, `T0_c` | those of the last stage |
+| `output_unit` | `V`; `deg/s` for a digital gyro: K0 is then the stated rate over the true, U0 a rate in deg/s |
 | `stages` | list: `k_T`, `k_omega` (`coefficients`, `covariance`), `K0_v_per_dps`, `U0_v`, `U0_T`, `delay_s`, … |
 | `valid` | ranges `rate_dps` and `temperature_c` that were measured |
 | `uncertainty` | at the level of k = 2, 95.45 %: by parameter of the joint fit `expanded`, the factor `k` for its |

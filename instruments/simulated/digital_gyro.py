@@ -4,9 +4,9 @@
 
 so its rate is that of the simulated sensor, with all its physics and noise, scaled with the factory values at T0 and
 rounded for its frames. Not modelled: compensation inside the gyro, so it has the errors of an analog one; axes
-perpendicular to the table's; its own filters; its own clock, its rate is exact. On a complete bench it is a second gyro
-of the same make in addition to the analog one (`World.second_gyro`): both turn with one table and warm up in one
-chamber, and each has its own noise.
+perpendicular to the table's; its own filters; its own clock, except by the effects of time stamps. On a complete bench
+it is a second gyro of the same make in addition to the analog one (`World.second_gyro`): both turn with one table and
+warm up in one chamber, and each has its own noise.
 """
 
 from __future__ import annotations

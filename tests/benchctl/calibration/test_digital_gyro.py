@@ -21,6 +21,7 @@ from benchctl.recordings.exporting import export_csv
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
 from benchctl.recordings.writer import write_recording
+from benchctl_instruments.errors import UsageError
 from benchctl_instruments.simulated.settings import WorldSettings
 
 RATE_HZ = 250.0
@@ -144,3 +145,8 @@ def test_a_concealed_delay_of_the_frames_is_fitted_and_diagnosed(fitted: FitResu
     findings = {one.effect: one for one in diagnose([late]).findings}
     offset = findings["timing_offset"].parameters["offset_s"]
     assert offset.low - 1e-5 < found["value"] < offset.high + 1e-5
+
+
+def test_the_drive_is_diagnosed_from_the_scans(recorded: Path) -> None:
+    with pytest.raises(UsageError, match=r"torque_nm together; it has .*frame_time_s"):
+        diagnose([recorded], part="drive")
