@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import sys
-from importlib.resources import files
 from typing import Annotated
 
 import typer
 
+from benchctl.app.handbook import title_of, topics
 from benchctl.cli.candidates import Candidate
 from benchctl.cli.output import JsonOption, QuietOption, result_of
 
 
-def topics() -> dict[str, str]:
-    """Return the pages of the handbook, Markdown, by their topic."""
-    pages = files("benchctl").joinpath("handbook").iterdir()
-    found = {page.name.removesuffix(".md"): page.read_text(encoding="utf-8") for page in pages}
-    return dict(sorted(found.items()))
-
-
 def _completed(incomplete: str) -> list[Candidate]:
-    return [(topic, _title(page)) for topic, page in topics().items() if topic.startswith(incomplete)]
+    return [(topic, title_of(page)) for topic, page in topics().items() if topic.startswith(incomplete)]
 
 
 def help(
@@ -40,19 +33,15 @@ def help(
     with result_of("help", json_to, quiet) as result:
         pages = topics()
         if not topic:
-            result.values["topics"] = [{"topic": name, "title": _title(page)} for name, page in pages.items()]
+            result.values["topics"] = [{"topic": name, "title": title_of(page)} for name, page in pages.items()]
             width = max(map(len, pages))
-            result.say("\n".join(f"{name:<{width}}  {_title(page)}" for name, page in pages.items()))
+            result.say("\n".join(f"{name:<{width}}  {title_of(page)}" for name, page in pages.items()))
             return
         name = "_".join(topic).replace("-", "_").lower()
         if name not in pages:
             raise UsageError(f"help {' '.join(topic)}: there is no such topic: {meant(name, pages)}")
-        result.values |= {"topic": name, "title": _title(pages[name]), "page": pages[name]}
+        result.values |= {"topic": name, "title": title_of(pages[name]), "page": pages[name]}
         result.say(_rendered(pages[name]))
-
-
-def _title(page: str) -> str:
-    return page.partition("\n")[0].removeprefix("# ")
 
 
 def _rendered(page: str) -> str:
