@@ -55,7 +55,12 @@ def serve(
 
         return explained(term)
 
-    run_page(folder, host, port, read_only=read_only, explain=words, ready=ready, warn=warn)
+    def glossary() -> str:
+        from benchctl.explain.glossary_page import glossary_page
+
+        return glossary_page()
+
+    run_page(folder, host, port, read_only=read_only, explain=words, glossary=glossary, ready=ready, warn=warn)
     # All output is written and everything is closed. A thread that is still reading a recording holds HDF5's lock, and
     # a normal exit of the interpreter would wait for it.
     os._exit(0)

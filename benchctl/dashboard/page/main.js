@@ -6,6 +6,7 @@ import { campaignView } from "./campaign.js";
 import { compareView } from "./compare.js";
 import { connection } from "./connection.js";
 import { el, fill } from "./dom.js";
+import { helpView } from "./help.js";
 import { historyView } from "./history.js";
 import { beginKeys, onKeys, showKeys } from "./keys.js";
 import { listView } from "./list.js";
@@ -13,11 +14,12 @@ import { follow, go, link } from "./router.js";
 import { begin, forget, isTokenInAddress, logOut, loginForm, refusal, session, takeToken } from "./session.js";
 import { beginTheme, isDark, theme, toggleTheme } from "./theme.js";
 
-const VIEWS = { "": listView, campaigns: campaignView, compare: compareView, history: historyView };
+const VIEWS = { "": listView, campaigns: campaignView, compare: compareView, history: historyView, help: helpView };
 const PLACES = [
   ["Campaigns", []],
   ["History", ["history"]],
   ["Compare", ["compare"]],
+  ["Help", ["help"]],
 ];
 
 const main = document.getElementById("main");

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
+from urllib.parse import quote
 
 from fastapi import APIRouter, FastAPI
 from fastapi import Path as PathParameter
@@ -14,17 +15,19 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.openapi.utils import get_openapi
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
 import benchctl
 import benchctl.dashboard
+from benchctl.app.handbook import topics
+from benchctl.dashboard.data.handbook import handbook_json
 from benchctl.dashboard.web import access, campaign_routes, live_routes
 from benchctl.dashboard.web.access import CallerOf
 from benchctl.dashboard.web.answers import RefusalError, answer, error_body
 from benchctl.dashboard.web.gate import Gate
-from benchctl.dashboard.web.models import Error, Explanation, History
+from benchctl.dashboard.web.models import Error, Explanation, Handbook, History
 from benchctl.dashboard.web.site import Site, SiteOf
 from benchctl_instruments.errors import UsageError
 
@@ -43,6 +46,12 @@ async def history(site: SiteOf, caller: CallerOf) -> Response:
 async def explain(term: Term, site: SiteOf, caller: CallerOf) -> Response:
     """Explain an effect, a metric or a term."""
     return await answer(site.heavy, lambda: _explained(site, term))
+
+
+@router.get("/help", response_model=Handbook, tags=["words"])
+async def handbook(site: SiteOf, caller: CallerOf) -> Response:
+    """Return the handbook, and the glossary as its last page."""
+    return await answer(site.heavy, lambda: handbook_json({**topics(), "terms": site.glossary()}))
 
 
 @router.get("/openapi.json", include_in_schema=False)
@@ -97,7 +106,7 @@ def load_pages() -> dict[str, Page]:
 
 
 def page_routes(pages: Mapping[str, Page]) -> list[Route]:
-    """Return the routes: `index.html` at `/`, the others below `/page/`."""
+    """Return the routes: `index.html` at `/`, the others below `/page/`; `/help/…` leads to a view of the page."""
 
     async def index(request: Request) -> Response:
         return _answer(request, pages.get(_INDEX))
@@ -106,7 +115,11 @@ def page_routes(pages: Mapping[str, Page]) -> list[Route]:
         name = request.path_params["name"]
         return _answer(request, pages.get(name) if name != _INDEX else None)
 
-    return [Route("/", index), Route("/page/{name:path}", other)]
+    async def help_view(request: Request) -> Response:
+        return RedirectResponse(f"/#/help/{quote(request.path_params.get('place', ''))}", 303)
+
+    helps = [Route("/help", help_view), Route("/help/{place:path}", help_view)]
+    return [Route("/", index), Route("/page/{name:path}", other), *helps]
 
 
 def _answer(request: Request, page: Page | None) -> Response:

@@ -226,6 +226,29 @@ class Explanation(BaseModel):
     model_config = ConfigDict(extra="allow")
 
 
+class HelpSection(Exact):
+    """A heading with its content: nodes that are a text, or a list of tag, attributes and nodes."""
+
+    anchor: str
+    level: int = Field(ge=1, le=6)
+    heading: str
+    content: list[Any]
+
+
+class HelpPage(Exact):
+    """A page of the handbook."""
+
+    topic: str
+    title: str
+    sections: list[HelpSection]
+
+
+class Handbook(Exact):
+    """All pages of the handbook; the last one is the glossary."""
+
+    pages: list[HelpPage]
+
+
 class StopOrder(Exact):
     """The campaign's name, typed by the user for confirmation."""
 

@@ -29,7 +29,7 @@ from benchctl.dashboard.web.app import page_app
 from benchctl.dashboard.web.gate import MOST_HEADER_BYTES, is_loopback, own_names
 from benchctl.dashboard.web.live_routes import MOST_MESSAGE_BYTES
 from benchctl.dashboard.web.sessions import Tokens
-from benchctl.dashboard.web.site import Explain, Site
+from benchctl.dashboard.web.site import Explain, Glossary, Site
 from benchctl_instruments.errors import UsageError
 
 STALLED_S = 20.0
@@ -150,6 +150,7 @@ def run_page(
     *,
     read_only: bool,
     explain: Explain,
+    glossary: Glossary,
     ready: Callable[[str, str, str], None],
     warn: Callable[[str], None],
 ) -> None:
@@ -175,6 +176,7 @@ def run_page(
             tokens=tokens,
             cookie=f"benchctl_{bound_port}",
             explain=explain,
+            glossary=glossary,
             catalogue=Catalogue(root, cache),
             series=series,
         )

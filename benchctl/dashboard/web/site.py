@@ -18,6 +18,8 @@ from benchctl.dashboard.web.sessions import Sessions, Tokens
 
 Explain = Callable[[str], dict[str, Any]]
 """A function that explains a term; raises `UsageError` for an unknown one."""
+Glossary = Callable[[], str]
+"""A function that returns the page of all terms, Markdown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +34,7 @@ class Site:
     tokens: Tokens
     cookie: str
     explain: Explain
+    glossary: Glossary
     catalogue: Catalogue
     series: SeriesReader
     sessions: Sessions = field(default_factory=Sessions)

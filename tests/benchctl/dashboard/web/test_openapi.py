@@ -25,6 +25,7 @@ OPERATIONS = {
     "POST /api/campaigns/{key}/stop",
     "GET /api/history",
     "GET /api/explain/{term}",
+    "GET /api/help",
 }
 MORE_THAN_THE_SCHEMA = {"GET /api/campaigns/{key}/series", "POST /api/campaigns/{key}/stop"}
 """What a schema cannot say: that a window ends after it began, and what the campaign is called."""

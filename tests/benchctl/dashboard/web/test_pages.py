@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 
 import benchctl.dashboard
+from benchctl.app.handbook import topics
 from benchctl.dashboard.web.app import load_pages
 from tests.benchctl.dashboard.web.serving import Served, everything
 
@@ -58,3 +59,26 @@ def test_no_other_name_leads_to_a_file(served: Served, name: str) -> None:
         status, _, body = everything(line).partition(b"\r\n")
     assert status == b"HTTP/1.1 404 Not Found"
     assert body.endswith(b'{"error": "there is no such page; begin at /"}')
+
+
+@pytest.mark.parametrize(
+    ("path", "view"),
+    [
+        ("/help", "/#/help/"),
+        ("/help/ci", "/#/help/ci"),
+        ("/help/ci/gitlab", "/#/help/ci/gitlab"),
+        ("/help/<b>%3Fq=1%23x", "/#/help/%3Cb%3E%3Fq%3D1%23x"),
+    ],
+)
+def test_an_address_of_the_handbook_leads_to_its_view(served: Served, path: str, view: str) -> None:
+    with served.client(None) as client:
+        answer = client.get(path)
+    assert (answer.status_code, answer.headers["location"]) == (303, view)
+
+
+def test_the_handbook_is_told_to_those_who_have_a_token_only(served: Served) -> None:
+    with served.client(None) as stranger, served.client(served.view_token) as viewer:
+        assert stranger.get("/api/help").status_code == 401
+        pages = viewer.get("/api/help").json()["pages"]
+    assert [page["topic"] for page in pages] == [*topics(), "terms"]
+    assert "thermal-lag" in [section["anchor"] for section in pages[-1]["sections"]]
