@@ -5,30 +5,48 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import shutil
+import subprocess
+import tomllib
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+import yaml
+from typer.exceptions import TyperException
 
+from benchctl.app.handbook import anchor_of, topics
+from benchctl.bench import Bench, load_bench, template
 from benchctl.cli.app import run_verb
-from benchctl.cli.help import topics
+from benchctl.cli.command import command_of
 from benchctl.cli.verbs import VERBS
 from tests.benchctl.cli.processes import benchctl
+from tests.documented import blocks
 
 ROOT = Path(__file__).parents[3]
 PAGES = [ROOT / "README.md", ROOT / "benchctl" / "README.md", *sorted((ROOT / "benchctl" / "handbook").glob("*.md"))]
 RESULTS = sorted((ROOT / "results").glob("*.md"))
 
 
+def load_bench_text(part: str) -> Bench:
+    """The bench that `init` writes, with a part added to its file; one that breaks the schema is refused."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "bench.toml"
+        path.write_text(f"{template()}\n{part}", encoding="utf-8")
+        return load_bench(str(path))
+
+
 def named(page: Path) -> str:
     return str(page.relative_to(ROOT))
 
 
-def commands(page: Path) -> list[tuple[str, str]]:
-    """The verb and the rest of each benchctl command in the fenced blocks of a page."""
-    found: list[tuple[str, str]] = []
-    for block in re.findall(r"^```\w*\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S):
-        found += re.findall(r"(?:^|&& |/)benchctl ([a-z]+)\b(.*)$", block, re.M)
-    return found
+def commands(page: Path) -> list[tuple[str, list[str]]]:
+    """The verb and the arguments of each benchctl command: in the blocks of a page, and with arguments in its text."""
+    text = page.read_text(encoding="utf-8")
+    found = [rest for block in blocks(page) for rest in re.findall(r"(?:^|&& |/|\$ )benchctl (.*)$", block.text, re.M)]
+    found += re.findall(r"`benchctl ([a-z]+ [^`…]*)`", text)
+    words = [shlex.split(rest.partition("| ")[0], comments=True) for rest in found]
+    return [(one[0], one[1:]) for one in words]
 
 
 def test_without_a_topic_all_pages_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -65,16 +83,42 @@ def test_links_lead_to_files_and_headings_that_exist(page: Path) -> None:
         there = (page.parent / path).resolve() if path else page
         assert there.exists(), f"{page.name}: {target}"
         headings = re.findall(r"^#+ (.*)$", there.read_text(encoding="utf-8"), re.M) if anchor else []
-        anchors = {re.sub(r"[^\w\- ]", "", one.lower()).replace(" ", "-") for one in headings}
+        anchors = set(map(anchor_of, headings))
         assert not anchor or anchor in anchors, f"{page.name}: {target}"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_commands_name_verbs_and_options_that_exist(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for verb, rest in commands(page):
+def test_commands_have_verbs_options_and_values_that_the_command_line_takes(page: Path) -> None:
+    for verb, arguments in commands(page):
         assert verb in VERBS, f"{page.name}: benchctl {verb}"
-        run_verb([verb, "--help"])
-        known = capsys.readouterr().out
-        for word in shlex.split(rest, comments=True):
-            if word.startswith("--"):
-                assert word.partition("=")[0] in known, f"{page.name}: benchctl {verb} {word}"
+        if arguments[0:1] == ["--help"]:
+            continue
+        try:
+            command_of(verb).make_context(verb, list(arguments))
+        except TyperException as err:
+            pytest.fail(f"{page.name}: benchctl {verb} {shlex.join(arguments)}: {err.format_message()}")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_what_pip_is_asked_for_is_an_extra_of_the_package(page: Path) -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    named = re.findall(r"pip install [^`\n]*?(?:\.|benchctl)\[(\w+)\]", page.read_text(encoding="utf-8"))
+    assert set(named) <= set(extras)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_every_block_says_in_what_language_it_is_and_is_in_it(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert len(blocks(page)) == text.count("```") / 2  # no fence is overlooked
+    for block in blocks(page):
+        match block.language:
+            case "python":
+                compile(block.text, str(block), "exec")
+            case "toml":
+                load_bench_text(block.text)
+            case "yaml":
+                assert yaml.safe_load(block.text), block
+            case "sh" if shutil.which("bash"):
+                assert subprocess.run(["bash", "-n", "-c", block.text], check=False).returncode == 0, block
+            case other:
+                assert other in ("console", "sh", "text") or block.mark in ("main job", "tests"), block

@@ -8,14 +8,17 @@ import pytest
 
 from benchctl.calibration.coefficients import read_coefficients
 from tests.benchctl.cli.processes import benchctl
+from tests.documented import PAGES, blocks, handbook
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_the_main_job_is_whole_and_its_errors_and_memory_stay_within_what_the_readme_promises(tmp_path: Path) -> None:
     before_bytes = _largest_child_bytes()
+    (job,) = [block.text for block in blocks(PAGES[0]) if block.mark == "main job"]
+    assert handbook("first_campaign")[0].text.split()[1:] == job.split()[-4:]
     ran = benchctl(
-        "run", "two_stage", "--bench", "simulated", "--out", tmp_path / "c", "--json", tmp_path / "r.json",
+        *job.split()[-4:], "--out", tmp_path / "c", "--json", tmp_path / "r.json",
         timeout_s=500.0,
     )  # fmt: skip
     assert ran.returncode == 0, ran.stderr
