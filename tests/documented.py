@@ -28,8 +28,8 @@ ssh-keygen() {
 }
 benchctl() {
   case "$*" in
-    serve*) timeout -s INT 8 python -m benchctl "$@" | grep '"url"' ;;
-    sim*) python -m benchctl "$@" & until [ -s sim.toml ]; do sleep 0.1; done ;;
+    "serve "*) timeout -s INT 8 python -m benchctl "$@" | grep '"url"' ;;
+    "sim "*) python -m benchctl "$@" & until [ -s sim.toml ]; do sleep 0.1; done ;;
     "run static --bench sim.toml") python -m benchctl check static --bench sim.toml ;;  # in real time it takes minutes
     *--resume*) python -m benchctl "$@" --yes ;;                # there is no terminal to confirm at
     *tcp://lab-server*) ;;
@@ -81,7 +81,7 @@ def run_block(block: Block, folder: Path, programs: Path) -> str:
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=900,
+        timeout=1500,
     )
     assert ran.returncode == 0, f"{block}: exit status {ran.returncode}\n{ran.stdout}\n{ran.stderr}"
     return ran.stdout
