@@ -44,7 +44,7 @@ ONCE = Reconnect(attempts=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Exchange:
+class Inquiry:
     """One question and its answer, in words and as bytes; `address` is where it was asked."""
 
     address: str
@@ -117,7 +117,7 @@ class Probe:
         clock: Clock,
         unit_id: int = 1,
         timeout_s: float = 1.0,
-        tell: Callable[[Exchange], None],
+        tell: Callable[[Inquiry], None],
     ) -> None:
         self._address = parse_address(address)
         self._clock = clock
@@ -245,7 +245,7 @@ class Probe:
                 return
 
     def _say(self, address: str, question: str, answer: str, sent: bytes, received: bytes) -> None:
-        self._tell(Exchange(address=address, question=question, answer=answer, sent=sent, received=received))
+        self._tell(Inquiry(address=address, question=question, answer=answer, sent=sent, received=received))
 
 
 class _ReadOnlyLink(ModbusLink):

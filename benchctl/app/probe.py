@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from benchctl.campaign.reserved import BenchInUseError, lock_files, make_lock_folder
 from benchctl.locks import held
 from benchctl_instruments.errors import LinkError, UsageError
-from benchctl_instruments.probe import Exchange, Match, Probe
+from benchctl_instruments.probe import Inquiry, Match, Probe
 from benchctl_instruments.simulated.clock import ScaledClock
 
 
@@ -17,7 +17,7 @@ from benchctl_instruments.simulated.clock import ScaledClock
 class Probed:
     """The questions in the order in which they were asked, and the drivers that recognise the device, best first."""
 
-    exchanges: tuple[Exchange, ...]
+    exchanges: tuple[Inquiry, ...]
     matches: tuple[Match, ...]
 
     def require_match(self, address: str) -> None:
@@ -35,7 +35,7 @@ class Probed:
 
 
 def probe(
-    address: str, *, unit_id: int = 1, timeout_s: float = 1.0, tell: Callable[[Exchange], None] = lambda _: None
+    address: str, *, unit_id: int = 1, timeout_s: float = 1.0, tell: Callable[[Inquiry], None] = lambda _: None
 ) -> Probed:
     """Ask the device at an address as bench.toml writes it; `tell` is called with every question and its answer.
 
@@ -48,9 +48,9 @@ def probe(
     BenchInUseError
         If another process of this machine holds the address; nothing is sent.
     """
-    exchanges: list[Exchange] = []
+    exchanges: list[Inquiry] = []
 
-    def note(exchange: Exchange) -> None:
+    def note(exchange: Inquiry) -> None:
         exchanges.append(exchange)
         tell(exchange)
 

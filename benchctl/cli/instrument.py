@@ -10,7 +10,7 @@ import typer
 from benchctl.cli.output import JsonOption, QuietOption, Result, result_of
 
 if TYPE_CHECKING:
-    from benchctl_instruments.probe import Exchange
+    from benchctl_instruments.probe import Inquiry
 
 _MOST_SHOWN = 48
 _WIDEST = 40
@@ -87,7 +87,7 @@ def _probe(result: Result, address: str, timeout_s: float, unit: int) -> None:
 
     shown_at = ""
 
-    def show(exchange: Exchange) -> None:
+    def show(exchange: Inquiry) -> None:
         nonlocal shown_at
         if exchange.address != shown_at:
             shown_at = exchange.address

@@ -54,7 +54,7 @@ REFUSED = {  # commands and queries of a real one for functions that are not sim
 }
 
 
-class RefusedError(Exception):
+class _RefusedError(Exception):
     """The text after the NA."""
 
 
@@ -133,11 +133,11 @@ class P300Controller:
             self._look_at_air()
             try:
                 if self._rs485_address is None and request.address is not None:
-                    raise RefusedError("ADDR ERR")
+                    raise _RefusedError("ADDR ERR")
                 if request.query:
                     return self._answer(request.name, request.parameters)
                 self._obey(request.name, request.parameters)
-            except RefusedError as refused:
+            except _RefusedError as refused:
                 return f"NA:{refused}"
         return f"OK:{','.join((request.name, *request.parameters))}"
 
@@ -148,31 +148,31 @@ class P300Controller:
         if query in self._queries:
             return self._queries[query]()
         if refusal := REFUSED.get(query, REFUSED.get(name)):
-            raise RefusedError(refusal)
+            raise _RefusedError(refusal)
         known = any(each.partition(",")[0] == name for each in self._queries)
-        raise RefusedError("PARA ERR" if known else "CMD ERR")
+        raise _RefusedError("PARA ERR" if known else "CMD ERR")
 
     def _obey(self, name: str, parameters: tuple[str, ...]) -> None:
         if name not in self._commands and name not in SETTINGS:
-            raise RefusedError(REFUSED.get(name, "CMD ERR"))
+            raise _RefusedError(REFUSED.get(name, "CMD ERR"))
         if self.protected:
-            raise RefusedError("PROTECT ON")
+            raise _RefusedError("PROTECT ON")
         if name in self._commands:
             self._commands[name](parameters)
         elif found := re.fullmatch(SETTINGS[name][0], ",".join(parameters)):
             self._settings[name] = found[1]
         else:
-            raise RefusedError("PARA ERR")
+            raise _RefusedError("PARA ERR")
 
     def _set_temperatures(self, parameters: tuple[str, ...]) -> None:
         settings = p300.parse_settings(parameters)
         if settings is None:
-            raise RefusedError("PARA ERR")
+            raise _RefusedError("PARA ERR")
         self._refuse_unless_ready()
         setpoint_c = settings.get("S", p300.tenths(self._chamber.setpoint_c()))
         high_c, low_c = settings.get("H", self._high_c), settings.get("L", self._low_c)
         if not LOWEST_C <= low_c <= setpoint_c <= high_c <= HIGHEST_C or low_c == high_c:
-            raise RefusedError("DATA OUT OF RANGE")
+            raise _RefusedError("DATA OUT OF RANGE")
         self._high_c, self._low_c = p300.tenths(high_c), p300.tenths(low_c)
         if "S" in settings:
             self._chamber.set_setpoint(p300.tenths(setpoint_c))
@@ -181,19 +181,19 @@ class P300Controller:
         match parameters:
             case (p300.OFF | p300.STANDBY as mode,):
                 if self._mode == p300.OFF:
-                    raise RefusedError("CHB NOT READY")
+                    raise _RefusedError("CHB NOT READY")
                 self._enter(mode)
             case (p300.CONSTANT,):
                 self._refuse_unless_ready()
                 self._enter(p300.CONSTANT)
             case (str(program),) if program.startswith(p300.RUN):
-                raise RefusedError("DATA NOT READY")
+                raise _RefusedError("DATA NOT READY")
             case _:
-                raise RefusedError("PARA ERR")
+                raise _RefusedError("PARA ERR")
 
     def _set_power(self, parameters: tuple[str, ...]) -> None:
         if parameters not in (("ON",), ("OFF",)):
-            raise RefusedError("PARA ERR")
+            raise _RefusedError("PARA ERR")
         if parameters == ("OFF",):
             self._enter(p300.OFF)
         elif p300.RUN not in self._mode:
@@ -203,7 +203,7 @@ class P300Controller:
         switch, numbers = parameters[:1], parameters[1:]
         known = {str(number): number for number in range(1, RELAYS + 1)}
         if switch not in (("ON",), ("OFF",)) or not numbers or not known.keys() >= set(numbers):
-            raise RefusedError("PARA ERR")
+            raise _RefusedError("PARA ERR")
         self._refuse_unless_ready()
         chosen = {known[number] for number in numbers}
         self._relays = self._relays | chosen if switch == ("ON",) else self._relays - chosen
@@ -212,19 +212,19 @@ class P300Controller:
         ends = {"HOLD": p300.CONSTANT, "CONST": p300.CONSTANT, "STANDBY": p300.STANDBY, "OFF": p300.OFF}
         match parameters:
             case ("RUN", _, _):
-                raise RefusedError("DATA NOT READY")
+                raise _RefusedError("DATA NOT READY")
             case ("END", end) if end in ends:
                 self._enter(self._of_program(ends[end]))
             case ("PAUSE" | "CONTINUE" | "ADVANCE" as order,):
                 running = self._of_program(self._mode.removesuffix(PAUSED))
                 self._enter(running + PAUSED if order == "PAUSE" else running)
             case _:
-                raise RefusedError("PARA ERR")
+                raise _RefusedError("PARA ERR")
 
     def _of_program(self, text: str) -> str:
         """Return the text if a program is running; otherwise refuse."""
         if p300.RUN not in self._mode:
-            raise RefusedError("CONT NOT READY-2")
+            raise _RefusedError("CONT NOT READY-2")
         return text
 
     def _relays_on(self) -> str:
@@ -232,7 +232,7 @@ class P300Controller:
 
     def _reset_srq(self, parameters: tuple[str, ...]) -> None:
         if parameters != ("RESET",):
-            raise RefusedError("PARA ERR")
+            raise _RefusedError("PARA ERR")
 
     # States -----------------------------------------------------------------------------------------------------------
 
@@ -244,7 +244,7 @@ class P300Controller:
 
     def _refuse_unless_ready(self) -> None:
         if self._mode not in (p300.STANDBY, p300.CONSTANT):
-            raise RefusedError("CHB NOT READY")
+            raise _RefusedError("CHB NOT READY")
 
     def _enter(self, mode: str) -> None:
         self._mode = mode

@@ -22,7 +22,7 @@ LOWEST_C, HIGHEST_C = -75.0, 180.0
 REFUSED = 1
 
 
-class RefusedError(Exception):
+class _RefusedError(Exception):
     """The controller does not do that."""
 
 
@@ -72,20 +72,20 @@ class ThermotronController(ABC):
                 elif value is None and mnemonic in self._commands:
                     self._commands[mnemonic]()
                 else:
-                    raise RefusedError
+                    raise _RefusedError
                 code = thermotron.ACCEPTED
-            except (RefusedError, InstrumentError):  # also a value that is no number
+            except (_RefusedError, InstrumentError):  # also a value that is no number
                 code = REFUSED
         return str(code) if self.COMMANDS_ANSWERED else None
 
     def _set_setpoint(self, setpoint_c: float) -> None:
         if self.program or not LOWEST_C <= setpoint_c <= HIGHEST_C:
-            raise RefusedError
+            raise _RefusedError
         self._waiting_c = setpoint_c
 
     def _run(self) -> None:
         if self.program:
-            raise RefusedError
+            raise _RefusedError
         self._take_over()
         self._switch(on=True)
 

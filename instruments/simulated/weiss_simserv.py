@@ -39,7 +39,7 @@ CONSTANTS = {  # of control variable 1: name, unit, limits of the set point
 Item = TypeVar("Item")
 
 
-class RefusedError(Exception):
+class _RefusedError(Exception):
     """The code of a refusal."""
 
 
@@ -97,7 +97,7 @@ class SimservController:
             self._look_at_air()
             try:
                 datum = self._commands[number](*arguments)
-            except RefusedError as refused:
+            except _RefusedError as refused:
                 return answer_line(int(str(refused)))
             except (InstrumentError, TypeError):  # a value that is no number; too few or too many arguments
                 return answer_line(simserv.WRONG_PARAMETERS)
@@ -112,14 +112,14 @@ class SimservController:
         setpoint_c = parse_number(value)
         _first(variable, "")
         if not LOWEST_C <= setpoint_c <= HIGHEST_C:
-            raise RefusedError(simserv.WRONG_PARAMETERS)
+            raise _RefusedError(simserv.WRONG_PARAMETERS)
         self._chamber.set_setpoint(setpoint_c)
 
     def _set_gradient(self, number: int, variable: str, value: str) -> None:
         gradient = parse_number(value)
         _first(variable, "")
         if gradient < 0.0:
-            raise RefusedError(simserv.WRONG_PARAMETERS)
+            raise _RefusedError(simserv.WRONG_PARAMETERS)
         self._gradients[number] = gradient
 
     def _output_states(self) -> list[bool]:
@@ -128,11 +128,11 @@ class SimservController:
     def _set_output(self, channel: str, value: str) -> None:
         _item(OUTPUTS, channel)
         if value not in ("0", "1"):
-            raise RefusedError(simserv.WRONG_PARAMETERS)
+            raise _RefusedError(simserv.WRONG_PARAMETERS)
         if int(channel) != simserv.START:
             self._outputs[int(channel) - 1] = value == "1"
         elif self.program:
-            raise RefusedError(simserv.WRONG_PARAMETERS)
+            raise _RefusedError(simserv.WRONG_PARAMETERS)
         elif self._chamber.running() is not (value == "1"):
             self._chamber.run(value == "1")
 
@@ -149,7 +149,7 @@ class SimservController:
 
 def _item(items: Sequence[Item], index: str) -> Item:
     if not (index.isdecimal() and 1 <= int(index) <= len(items)):
-        raise RefusedError(simserv.UNREADABLE_DATA)
+        raise _RefusedError(simserv.UNREADABLE_DATA)
     return items[int(index) - 1]
 
 

@@ -16,7 +16,7 @@ from benchctl_instruments.errors import LinkError, UsageError
 from benchctl_instruments.links.address import parse_address
 from benchctl_instruments.links.modbus import ModbusLink
 from benchctl_instruments.links.serial_port import byte_link
-from benchctl_instruments.probe import KINDS, Exchange, Known, Match, Probe
+from benchctl_instruments.probe import KINDS, Inquiry, Known, Match, Probe
 from benchctl_instruments.recognition import ByLine, ByRegisters
 from benchctl_instruments.simulated.clock import ScaledClock
 from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, RegisterTable, word
@@ -58,13 +58,13 @@ def machine_of(kind: Kind) -> Watched:
     return Watched({"rate_table": world.table, "chamber": world.chamber}.get(kind, world.inputs))
 
 
-def asked(address: str, unit_id: int = 1) -> tuple[list[Match], list[Exchange]]:
-    exchanges: list[Exchange] = []
+def asked(address: str, unit_id: int = 1) -> tuple[list[Match], list[Inquiry]]:
+    exchanges: list[Inquiry] = []
     found = Probe(address, clock=CLOCK, unit_id=unit_id, timeout_s=TIMEOUT_S, tell=exchanges.append).matches()
     return found, exchanges
 
 
-def changes_nothing(exchange: Exchange) -> bool:
+def changes_nothing(exchange: Inquiry) -> bool:
     """Whether what was sent is a query in a line, or a request of Modbus to read registers."""
     if exchange.question.startswith("Modbus"):
         return exchange.sent[7 if parse_address(exchange.address).scheme == "tcp" else 1] == READ_REGISTERS
