@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -74,9 +75,10 @@ def test_silence_is_exit_3_with_what_to_check(tmp_path: Path) -> None:
     with server(b"") as address:
         ran = without_a_process("instrument", "probe", address, *QUICK, "--quiet", "--json", tmp_path / "p.json")
     assert (ran.returncode, ran.stdout) == (3, "")
-    assert f"{address}: no answer to 11 questions; check power, wiring" in ran.stderr
+    asked = re.search(rf"{re.escape(address)}: no answer to (\d+) questions; check power, wiring", ran.stderr)
+    assert asked
     told = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
-    assert (told["ok"], told["matches"], len(told["exchanges"])) == (False, [], 11)
+    assert (told["ok"], told["matches"], len(told["exchanges"])) == (False, [], int(asked[1]))
 
 
 def test_a_device_that_a_run_has_is_sent_nothing() -> None:
