@@ -94,7 +94,6 @@ def test_the_readme(folder: Path) -> None:
         "lab/bench.toml",
         "first/coefficients.json",
         "unit17/acceptance.pdf",
-        "unit17/rerun.json",
         "junit.xml",
     ):
         assert (folder / name).is_file(), name
