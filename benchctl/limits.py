@@ -151,6 +151,11 @@ def cut(text: str, longest: int = 500) -> str:
     return text if len(text) <= longest else f"{text[: longest - 3]}..."
 
 
+def printable(text: str) -> str:
+    """Return a text from a file for one line: shortened, with ? for characters that cannot be printed."""
+    return cut("".join(letter if letter.isprintable() else "?" for letter in text))
+
+
 def listed(names: tuple[str, ...] | list[str]) -> str:
     """Return a list of names for an error message: the first twenty, each shortened if too long."""
     first = ", ".join(cut(name, _LONGEST_SHOWN) for name in names[:20])

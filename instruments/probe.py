@@ -201,7 +201,7 @@ class Probe:
                 words = found if found == line else f"{line!r}: {found}"
         except LinkCutError:
             words = "the other side closed the connection"
-        except (InstrumentError, LinkError):  # `words` says it
+        except (InstrumentError, LinkError):  # `words` states it
             pass
         finally:
             dialogue.close()
@@ -238,7 +238,7 @@ class Probe:
             link.pause(max(by.pause_s, SETTLE_S))
             try:
                 text = by.read(link, self._clock)
-            except (InstrumentError, LinkError):  # told by the link
+            except (InstrumentError, LinkError):  # the link has reported it
                 continue
             yield _match(each, by.certainty, text, address, options)
             if by.certainty == "certain":

@@ -26,7 +26,7 @@ from typing import Any, Literal
 from benchctl.atomic import disk_errors, whole_file
 from benchctl.confined import open_file, stat_of
 from benchctl.documents import read_json
-from benchctl.limits import cut, require_file, shown
+from benchctl.limits import printable, require_file, shown
 from benchctl.locks import Lock
 from benchctl.recordings.digests import Mismatch
 from benchctl.recordings.hdf5_files import RecordingFile
@@ -113,7 +113,7 @@ def problems_of_folder(folder: Path) -> Iterator[Mismatch]:
         return
     found = dict(_files(folder))
     for name in sorted(sealed.keys() | found.keys()):
-        where = _printable(name)
+        where = printable(name)
         if name not in found:
             yield Mismatch(where, "was deleted")
         elif name not in sealed:
@@ -206,7 +206,3 @@ def _read(folder: Path) -> dict[str, Entry]:
 
 def _digest(files: Mapping[str, Entry]) -> str:
     return hashlib.sha256(json.dumps(files, sort_keys=True, separators=(",", ":")).encode("ascii")).hexdigest()
-
-
-def _printable(name: str) -> str:
-    return cut("".join(letter if letter.isprintable() else "?" for letter in name))

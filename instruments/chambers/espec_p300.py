@@ -99,20 +99,14 @@ class EspecP300(LineChamber):
         They are sent in one line together with the present set point, or the nearest one within them: the controller
         rejects a set point outside its alarms, and alarms that exclude the set point.
         """
-        if not p300.tenths(low_c) < p300.tenths(high_c):
-            raise UsageError(
-                f"{self._who}: set point limits {low_c:g} to {high_c:g} °C; "
-                "give the lower one first, 0.1 °C apart at least"
-            )
+        self._require_order(low_c, high_c)
         setpoint_c = min(max(self._setpoint_c(self._temperatures()), low_c), high_c)
         self._put(setpoint_c=setpoint_c, high_c=high_c, low_c=low_c)
 
     def start(self) -> None:
         """Switch conditioning on: mode CONSTANT. Raises `InstrumentError` if a program is running."""
         if p300.RUN in (mode := self._mode()):
-            raise InstrumentError(
-                f"{self._who}: it runs a program and would not keep our set point; end the program on its panel"
-            )
+            self._refuse_program()
         self._enter(p300.CONSTANT, mode)
 
     def stop(self) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from benchctl_instruments.errors import BenchError, InstrumentError, UsageError
 from benchctl_instruments.interfaces import Clock, Instrument
@@ -87,6 +87,19 @@ class LineChamber(Instrument, ABC):
                 )
             self._clock.sleep(LOOK_AGAIN_S)
 
+    def _refuse_program(self) -> NoReturn:
+        raise InstrumentError(
+            f"{self._who}: it runs a program and would not keep our set point; end the program on its panel"
+        )
+
+    def _require_order(self, low_c: float, high_c: float) -> None:
+        """Raise `UsageError` unless the first set point limit is the lower one, in tenths."""
+        if not tenths(low_c) < tenths(high_c):
+            raise UsageError(
+                f"{self._who}: set point limits {low_c:g} to {high_c:g} °C; "
+                "give the lower one first, 0.1 °C apart at least"
+            )
+
     def _confirm_number(self, words: str, wanted: float, look: Callable[[], float]) -> None:
         """Confirm a number in tenths; `words` have a place for it: "set point {:g} °C"."""
         self._confirm(words.format(tenths(wanted)), lambda: words.format(tenths(look())))
@@ -104,11 +117,7 @@ class KeptLimitsChamber(LineChamber):
 
     def set_limits(self, low_c: float, high_c: float) -> None:
         """Keep limits for later set points, within the controller's own range."""
-        if not tenths(low_c) < tenths(high_c):
-            raise UsageError(
-                f"{self._who}: set point limits {low_c:g} to {high_c:g} °C; "
-                "give the lower one first, 0.1 °C apart at least"
-            )
+        self._require_order(low_c, high_c)
         own_low_c, own_high_c = self._own_limits_c
         if low_c < own_low_c or high_c > own_high_c:
             raise InstrumentError(

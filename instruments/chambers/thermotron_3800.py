@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 from benchctl_instruments.chambers.thermotron import Thermotron, recognition_of
-from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import ChamberReading, Identity
 from benchctl_instruments.protocols import thermotron
 
@@ -31,9 +30,7 @@ class Thermotron3800(Thermotron):
     def start(self) -> None:
         """Run in manual mode, with the last set point. Raises `InstrumentError` if a program is running."""
         if self._mode() & thermotron.OF_A_PROGRAM:
-            raise InstrumentError(
-                f"{self._who}: it runs a program and would not keep our set point; end the program on its panel"
-            )
+            self._refuse_program()
         self._run()
         self._switched_on = True
 

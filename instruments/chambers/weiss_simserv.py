@@ -89,9 +89,7 @@ class WeissSimserv(KeptLimitsChamber):
     def start(self) -> None:
         """Start manual operation. Raises `InstrumentError` if a program is running."""
         if self._program_runs():
-            raise InstrumentError(
-                f"{self._who}: it runs a program and would not keep our set point; end the program on its panel"
-            )
+            self._refuse_program()
         if self._ramp_c_per_min is not None:
             self._set_gradients(self._ramp_c_per_min)
         self._switch(on=True)

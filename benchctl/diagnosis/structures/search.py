@@ -222,8 +222,7 @@ def _sharpened(problem: Structurable, chosen: Selection, best: _Candidate) -> _C
     for share in _SHARPER if "width" in best.structure.values and best.structure.is_stepped else ():
         values = best.structure.values
         begun = type(best.structure).make({**values, "width": share * values["width"]})
-        fitted = _fitted(problem, chosen, begun)
-        one = None if fitted is None else _judged(problem, chosen, fitted, 0.0)
+        one = _candidate(problem, chosen, begun, 0.0)
         if one is None or one.gain <= best.gain:
             break
         best = replace(one, evidence=best.evidence + one.gain - best.gain)
@@ -247,8 +246,7 @@ def with_jumps(problem: GyroProblem, chosen: Selection) -> tuple[Selection, tupl
                 chosen = held
                 found.append(begun)
             continue
-        fitted = _fitted(problem, chosen, begun)
-        one = None if fitted is None else _judged(problem, chosen, fitted, looked)
+        one = _candidate(problem, chosen, begun, looked)
         if one is not None:
             chosen = _with(problem, chosen, one.fit)
             found.append(one.structure)
@@ -381,6 +379,12 @@ def few_of_each(ranked: Sequence[Begun]) -> Iterator[Begun]:
             curves.add(place)
         counts[place] += 1
         yield one
+
+
+def _candidate(problem: Structurable, chosen: Selection, begun: Structure, looked: float) -> _Candidate | None:
+    """Fit the model with a structure and return it as a candidate, if it passes the tests, else None."""
+    fitted = _fitted(problem, chosen, begun)
+    return None if fitted is None else _judged(problem, chosen, fitted, looked)
 
 
 def _fitted(problem: Structurable, chosen: Selection, begun: Structure) -> Fit | None:

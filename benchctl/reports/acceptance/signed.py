@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Final, Literal
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from benchctl.atomic import whole_file
-from benchctl.limits import MOST_DESCRIPTION_BYTES, cut, read_whole
-from benchctl.recordings.campaign_manifest import MANIFEST, content_of, entries_of, problems_of_folder
+from benchctl.limits import MOST_DESCRIPTION_BYTES, printable, read_whole
+from benchctl.recordings.campaign_manifest import MANIFEST, content_of, entries_of, integrity, problems_of_folder
 from benchctl.recordings.digests import Mismatch
 from benchctl.recordings.reader import is_open_recording
 from benchctl.recordings.schema import RECORDING
@@ -154,12 +154,12 @@ def check_signed(
         return None, [Mismatch(STATEMENT, f"is no statement of schema {_SCHEMA!r}; update benchctl")]
     name = accepted_name(signers, key, statement.signed_utc) if signers else None
     signature = Signature(
-        name=_printable(name or statement.signer),
+        name=printable(name or statement.signer),
         fingerprint=key.fingerprint,
         signed=statement.signed_utc,
-        unit=_printable(statement.unit),
-        verdict=_printable(statement.verdict),
-        recording=_printable(statement.recording.name),
+        unit=printable(statement.unit),
+        verdict=printable(statement.verdict),
+        recording=printable(statement.recording.name),
         accepted_by=signers if name else None,
     )
     problems = list(_differences(folder, statement.files))
@@ -177,16 +177,12 @@ def _differences(folder: Path, files: Mapping[str, _File]) -> Iterable[Mismatch]
     for name, signed in files.items():
         path = folder / name
         if not path.resolve().is_relative_to(folder.resolve()) or not path.is_file():
-            yield Mismatch(_printable(name), "is not there, and was signed")
+            yield Mismatch(printable(name), "is not there, and was signed")
             continue
         try:
-            found = content_of(path)
+            found = integrity(signed.model_dump(), path)
         except OSError as err:
-            yield Mismatch(_printable(name), f"cannot be read: {reason(err)}")
+            yield Mismatch(printable(name), f"cannot be read: {reason(err)}")
             continue
-        if found != signed.model_dump():
-            yield Mismatch(_printable(name), "changed since it was signed")
-
-
-def _printable(name: str) -> str:
-    return cut("".join(letter if letter.isprintable() else "?" for letter in name))
+        if found == "altered":
+            yield Mismatch(printable(name), "changed since it was signed")
