@@ -59,6 +59,7 @@ _LOOK_ALIKES: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("sampling", "time"): ("clock_drift",),
 }
 """Named effects that may look like a structure at a stage over a coordinate."""
+_OTHER_SIDE = {"step": "step_below", "step_below": "step", "kink": "kink_below", "kink_below": "kink"}
 _ONE_OF = "|".join(OVER)
 _NAME = re.compile(rf"({'|'.join(SHAPES)})_of_({'|'.join(ACTS)})_over_({_ONE_OF})(?:_times_({_ONE_OF}))?(?:_[2-9])?")
 
@@ -246,6 +247,18 @@ def structure(
     for name, value in namespace.items():
         setattr(made, name, value)
     return made
+
+
+def on_the_other_side(effect: Structure) -> Structure | None:
+    """Return a step or kink on the other side of its place, up to a constant and a line; None for other shapes."""
+    shape = _OTHER_SIDE.get(effect.shape)
+    if shape is None:
+        return None
+    place = effect.parameters["at"]
+    other = structure(effect.acts_on, effect.over, shape, (place.low, place.high), effect.times)
+    here, there = (next(iter(SHAPES[name].sizes)) for name in (effect.shape, shape))
+    values = {name: value for name, value in effect.values.items() if name != here}
+    return other.make({**values, there: -effect.values[here]})
 
 
 def unmoved(effect: Structure, roles: tuple[Role, ...] = ("size", "shape")) -> Structure:

@@ -145,7 +145,7 @@ def _simple_enough(problem: Structurable, chosen: Selection, candidates: Sequenc
     better = max((one for one in candidates if _alike(one, best)), key=lambda one: one.evidence)
     if simple is better:
         return simple
-    with_simple = _with(problem, chosen, simple.fit)
+    with_simple = with_last(problem, chosen, simple.fit)
     left = residual_structure_of(problem, with_simple.whitener, with_simple.after, seed=seed)
     return better if left.significant else simple
 
@@ -248,7 +248,7 @@ def with_jumps(problem: GyroProblem, chosen: Selection) -> tuple[Selection, tupl
             continue
         one = _candidate(problem, chosen, begun, looked)
         if one is not None:
-            chosen = _with(problem, chosen, one.fit)
+            chosen = with_last(problem, chosen, one.fit)
             found.append(one.structure)
     return chosen, tuple(found)
 
@@ -263,11 +263,11 @@ def _with_jump_held_out(problem: GyroProblem, chosen: Selection, begun: Structur
     assert isinstance(added, Structure)  # noqa: S101  # it was fitted as one
     point = replace(chosen.after.point, effects=(*chosen.after.point.effects, unmoved(added)))
     after = fit(problem, chosen.whitener, point, chosen.after.fitted)
-    return replace(_with(problem, chosen, after), whole=full)
+    return replace(with_last(problem, chosen, after), whole=full)
 
 
-def _with(problem: Structurable, chosen: Selection, after: Fit) -> Selection:
-    """Return the selection with the structure of `after` as last effect, refitted with exact derivatives."""
+def with_last(problem: Structurable, chosen: Selection, after: Fit) -> Selection:
+    """Return the selection with the last effect of `after`, refitted with exact derivatives."""
     after = fit(problem, chosen.whitener, after.point, after.fitted)
     effects = (*chosen.whole.point.effects, after.point.effects[-1])
     everything = np.ones_like(after.fitted)
@@ -340,7 +340,7 @@ class Scan:
         added = after.point.effects[-1]
         key = added.identifier, *map(repr, added.values.values())
         if key not in self._beside:
-            self._beside[key] = Scan(self._problem, _with(self._problem, self.chosen, after))
+            self._beside[key] = Scan(self._problem, with_last(self._problem, self.chosen, after))
         return self._beside[key]
 
     @cached_property

@@ -10,12 +10,11 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse
 
-from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import residual_structure_of
 from benchctl.diagnosis.residual.score_test import ScoreTest
-from benchctl.diagnosis.search.select import reduced, select, without
+from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.scan import Structurable
 from benchctl.diagnosis.structures.search import Modelled, Scan, modelled
@@ -39,13 +38,13 @@ _CLEARLY_LESS = 0.5
 _OF_THE_RATE = {"output": "rate", "abs_rate": "rate"}
 """Coordinates that count as the same: a function of the rate is nearly a function of the output."""
 
-_STEPS, _BEGUN = 3, 0.3
+MOST_STRUCTURES, _BEGUN = 3, 0.3
 """Maximum number of structures; minimum gain of the first one relative to what it replaces."""
 
 _PIECES = (24, 48, 96)
 """Numbers of linear pieces over each of two coordinates; over one coordinate twice as many."""
 
-_SEVERAL = 2
+SEVERAL = 2
 """Minimum number of structures at one stage and coordinate that a single curve may replace."""
 _NEARLY_ALL = 0.98
 """A process can follow anything slow: a structure with this share of its gain replaces it."""
@@ -72,79 +71,11 @@ def settled(problem: Structurable, chosen: Selection) -> Selection:
     return replace(chosen, named=bare)
 
 
-def instead_or_beside(problem: DriveProblem, chosen: Selection, *, left: bool, seed: int) -> Modelled:
-    """Return the best model of a torque: named effects with or without structures.
-
-    Structures may be added to the effects or replace those along one coordinate: several harmonics can follow any peak
-    over the angle. Structures must be clearly better than the effects alone, or leave no residual where these leave
-    one (`left`).
-    """
-    rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
-    names = Modelled(chosen=chosen, structures=(), ties=(), left=rest)
-    begun = [chosen] if left else []
-    begun += [reduced(problem, chosen, keys) for keys, _, _ in _replaceable(problem, chosen, _SEVERAL)]
-    models = [found for one in begun if (found := _in_turns(problem, one, seed)) is not None]
-    best = min([names, *models], key=_worth)
-    clearly = _criterion(best) < _criterion(names) - CLEARLY
-    return best if clearly or (left and not best.left.significant) else names
-
-
-def _in_turns(problem: DriveProblem, chosen: Selection, seed: int) -> Modelled | None:
-    """Search structures and named effects in turn: a structure, the effects found with it, and the next structure.
-
-    The first terms also follow what is still missing. The structures are therefore searched again with all effects,
-    then the effects with these structures. Return None if no shape explains anything.
-    """
-    found: Modelled | None = None
-    for _ in range(_STEPS):
-        rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
-        known = structures_of(chosen)
-        bare = without(problem, chosen, *known) if known else None
-        more = modelled(problem, chosen, rest, most=1, bare=bare, seed=seed) if rest.significant else None
-        if more is None:
-            break
-        found = _with_names(problem, more, seed)
-        chosen = found.chosen
-    names = reduced(problem, chosen, structures_of(chosen))
-    rest = residual_structure_of(problem, names.whitener, names.after, seed=seed)
-    scan = Scan(problem, names)
-    for smooth in (False, True):
-        if smooth and found is not None and not found.left.significant:
-            break
-        anew = modelled(problem, names, rest, most=_STEPS, smooth=smooth, scan=scan, seed=seed)
-        both = [found, None if anew is None else _with_names(problem, anew, seed)]
-        found = min((one for one in both if one is not None), key=_worth, default=None)
-    return found
-
-
-def _worth(found: Modelled) -> tuple[bool, float]:
-    """Return the sort key of a model; the smallest is the best."""
-    return found.left.significant, _criterion(found)
-
-
-def _with_names(problem: DriveProblem, found: Modelled, seed: int) -> Modelled:
-    """Return the model with the named effects found with its structures, and without redundant structures."""
-    known = structures_of(found.chosen)
-    if len({*known.values()}) < len(known):  # a search cannot distinguish two of a kind
-        return found
-    again = select(problem, seed=seed, progress=lambda _name, _share: None, chosen=found.chosen)
-    kept = tuple(one for one in found.structures if one.identifier in structures_of(again).values())
-    left = residual_structure_of(problem, again.whitener, again.after, seed=seed)
-    extended = Modelled(chosen=again, structures=kept, ties=found.ties if kept else (), left=left)
-    return extended if _criterion(extended) < _criterion(found) else found
-
-
 def structures_of(chosen: Selection) -> dict[str, str]:
     """Return the identifiers of the structures of a selection, by key."""
     effects = chosen.after.point.effects
     named = zip(keys_of(effects), effects, strict=True)
     return {key: one.identifier for key, one in named if isinstance(one, Structure)}
-
-
-def _criterion(found: Modelled) -> float:
-    """Return Schwarz's criterion (BIC) of a model; lower is better."""
-    after = found.chosen.after
-    return after.rows * math.log(after.squares) + len(after.numbers) * math.log(after.rows)
 
 
 def _needless(problem: Structurable, chosen: Selection) -> str | None:
@@ -167,7 +98,7 @@ def instead_of_names(
     replaced by a structure that leaves none. The first value is the selection without the findings. Return None if
     there are no such findings or if they are as good.
     """
-    for keys, parameters, gain in _replaceable(problem, chosen, 1 if left else 2):
+    for keys, parameters, gain in replaceable(problem, chosen, 1 if left else 2):
         less = reduced(problem, chosen, keys)
         if keys[0] in PROCESSES:
             found = _instead_of_process(problem, less, gain, seed)
@@ -217,7 +148,7 @@ def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed
     best: tuple[float, Modelled] | None = None
     chosen, rest = less, residual_structure_of(problem, less.whitener, less.after, seed=seed)
     structures: tuple[Structure, ...] = ()
-    for _ in range(_STEPS):
+    for _ in range(MOST_STRUCTURES):
         worth = _BEGUN * gain if wandering and not structures else 0.0
         bare = less.after if structures else None
         found, scan = None, Scan(problem, chosen)
@@ -297,7 +228,7 @@ def as_one_curve(problem: Structurable, found: Modelled, seed: int) -> Modelled:
     structures = {key: one for key, one in effects.items() if isinstance(one, Structure) and one.pointwise}
     places = Counter((one.acts_on, _same(one.over)) for one in structures.values() if not one.times)
     for (stage, over), count in places.items():
-        if count < _SEVERAL or stage == "encoder":
+        if count < SEVERAL or stage == "encoder":
             continue
         shapes = [key for key, one in structures.items() if (one.acts_on, _same(one.over)) == (stage, over)]
         names = [
@@ -326,7 +257,7 @@ def _same(coordinate: str) -> str:
     return "*".join(_OF_THE_RATE.get(word, word) for word in words)
 
 
-def _replaceable(problem: Structurable, chosen: Selection, fewest: int) -> Iterator[tuple[tuple[str, ...], int, float]]:
+def replaceable(problem: Structurable, chosen: Selection, fewest: int) -> Iterator[tuple[tuple[str, ...], int, float]]:
     """Yield the keys, number of parameters and gain of at least `fewest` findings along one coordinate.
 
     A wandering bias follows with one parameter. Delays and filters are excluded: a function of the acceleration is

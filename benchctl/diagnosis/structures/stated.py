@@ -29,11 +29,11 @@ from benchctl.diagnosis.structures.settled import (
     CLEARLY,
     as_one_curve,
     instead_of_names,
-    instead_or_beside,
     leaving_out,
     settled,
     structures_of,
 )
+from benchctl.diagnosis.structures.torque import torque_modelled
 from benchctl.estimation.fit import gain_of
 from benchctl.signals.binning import bin_of
 from benchctl.signals.normal import Z95
@@ -168,7 +168,7 @@ def _of_torque(
     problem: DriveProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """Do the same for a drive's torque. Friction can follow many structures, so named effects are searched again."""
-    found = instead_or_beside(problem, chosen, left=unexplained.significant, seed=seed)
+    found = torque_modelled(problem, chosen, left=unexplained.significant, seed=seed)
     if found.chosen is chosen:
         return chosen, unexplained, owed
     found = as_one_curve(problem, found, seed)
