@@ -44,6 +44,8 @@ The expected gain of a shape can be far too low if a named effect of the set has
 _SIZED, _FITTED = 4, 30
 _HALF = 0.5
 """Maximum residual with a structure, relative to that of the named effects alone, in amplitude."""
+_AT_A_MOMENT = "loss_step"
+"""The effect that can follow, at a moment in time, what a function of a measured coordinate explains."""
 _TIE = 10.0
 """Models whose scores differ by less explain the recording equally well."""
 
@@ -101,10 +103,10 @@ def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, see
         if best is None:
             break
         model = _with_names(problem, best.structures, seed)
-        if not _may_be(problem, named, model, left):
+        if not _may_be(problem, named, model, best.paid, left=left):
             model = _with_these(problem, chosen, best.fit)
         its = _score(problem, model.after) + best.paid
-        if its > score - least or not _may_be(problem, named, model, left):
+        if its > score - least or not _may_be(problem, named, model, best.paid, left=left):
             break
         ties = _tied(best, candidates)
         chosen, score, paid = model, its, best.paid
@@ -126,22 +128,32 @@ def _names(fitted: Fit) -> tuple[DescribedEffect, ...]:
     return tuple(one for one in fitted.point.effects if not isinstance(one, Structure))
 
 
-def _may_be(problem: ChamberProblem, named: Selection, model: Selection, left: bool) -> bool:
-    """Return whether a model with structures may replace the named effects.
+def _may_be(problem: ChamberProblem, named: Selection, model: Selection, paid: float, *, left: bool) -> bool:
+    """Return whether a model with structures, of a price `paid`, may replace the named effects.
 
     A real disturbance never matches its model exactly, and functions of time or of the air temperature can follow it,
     together with named effects. A model with structures is therefore accepted only if it has fewer effects than before;
     or if the named effects leave a residual, and the model keeps them all, or one structure replaces one effect and
-    leaves none; or if one structure, with or in place of one effect, halves the residual amplitude on held-out steps.
+    leaves none; or if one structure, with or in place of one effect, halves the residual amplitude on held-out steps;
+    or if one structure is better than the one effect that it replaces, and more specific.
     """
-    before, after = ({one.identifier for one in _names(it.after)} for it in (named, model))
-    found = len(_structures(model.after))
-    if len(after) + found < len(before) or (left and before <= after):
+    before, after = ({one.identifier: one for one in _names(it.after)} for it in (named, model))
+    found = _structures(model.after)
+    if len(after) + len(found) < len(before) or (left and before.keys() <= after.keys()):
         return True
-    if found > 1 or not after <= before or len(before) - len(after) > 1:
+    gone = [one for name, one in before.items() if name not in after]
+    if len(found) > 1 or not after.keys() <= before.keys() or len(gone) > 1:
         return False
-    halves = _missed(problem, model) < _HALF**2 * _missed(problem, named)
-    return halves or (left and not left_beside(problem, model.after).significant)
+    if _missed(problem, model) < _HALF**2 * _missed(problem, named):
+        return True
+    if gone and _is_more_specific(found[0], gone[0]):
+        return _score(problem, model.after) + paid < _score(problem, named.after) - _TIE
+    return left and not left_beside(problem, model.after).significant
+
+
+def _is_more_specific(structure: Structure, effect: DescribedEffect) -> bool:
+    """Return whether a function of a measured coordinate replaces one of the same coordinate, or of a moment."""
+    return structure.over != "time" and (structure.over == effect.coordinate or effect.identifier == _AT_A_MOMENT)
 
 
 def _missed(problem: ChamberProblem, chosen: Selection) -> float:

@@ -151,8 +151,8 @@ def _best(problem: DriveProblem, *models: Modelled) -> Modelled:
     whole = [one for one in models if not _misses(problem, one)]
     if not whole:
         return min(models, key=_criterion)
-    nearly = NEARLY * max(_explained(one) for one in whole)
-    simple = [one for one in whole if _explained(one) >= nearly]
+    most = max(_explained(one) for one in whole)
+    simple = [one for one in whole if _explained(one) >= most - (1.0 - NEARLY) * abs(most)]
     return min(simple, key=lambda one: (len(one.chosen.after.numbers), _criterion(one)))
 
 
