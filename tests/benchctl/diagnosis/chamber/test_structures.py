@@ -8,6 +8,8 @@ import pytest
 
 from benchctl.diagnosis.diagnose import diagnose
 from benchctl.model_file import Model, read_model, write_model
+from benchctl.proof.part_trials import drawn
+from benchctl.recordings.reader import open_recording
 from benchctl.reports.diagnosis_page import write_diagnosis_report
 from tests.benchctl.diagnosis.made_chamber import Truth, chamber_channels
 from tests.benchctl.diagnosis.made_recording import recording_of
@@ -55,3 +57,18 @@ def test_a_lamp_that_is_on_for_a_while_is_modelled_beside_a_second_lag() -> None
     assert model.parameters["change"].value == pytest.approx(9.0, rel=0.1)
     assert model.parameters["at"].value == pytest.approx(600.0, abs=10.0)
     assert model.parameters["length"].value == pytest.approx(300.0, abs=20.0)
+
+
+def test_a_heater_that_weakens_above_a_power_is_a_kink_and_not_a_curvature(tmp_path: Path) -> None:
+    trial = drawn(104, 13, "chamber-structure")
+    truth = trial.effects["kink_of_heat_over_heater"]
+    recording, _ = trial.record(tmp_path)
+    with open_recording(recording) as opened:
+        found = diagnose(opened, part="chamber")
+    assert not found.findings
+    (model,) = found.unexplained.models
+    assert model.identifier == "kink_of_heat_over_heater"
+    at = model.parameters["at"]
+    assert at.low is not None
+    assert at.high is not None
+    assert at.low < truth["at"] < at.high

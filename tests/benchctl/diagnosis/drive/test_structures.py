@@ -38,9 +38,20 @@ def switched(t: float, _angle_deg: float, _rate_dps: float) -> float:
     return 0.012 if t > 40.0 else 0.0
 
 
+def seal(_t: float, _angle_deg: float, rate_dps: float) -> float:
+    """A seal that drags more, and more with the rate, except in fast turns to the left."""
+    return 4e-4 * max(rate_dps + 60.0, 0.0)
+
+
+def dent(_t: float, angle_deg: float, _rate_dps: float) -> float:
+    """A wide dent about 200°, which an offset and the harmonics 1 to 3 follow as well."""
+    return -0.02 * math.exp(-0.5 * ((angle_deg % 360.0 - 200.0) / 40.0) ** 2)
+
+
 ROUGH = ("bump_of_torque_over_angle", {"change": 0.02, "at": 140.0, "width": 12.0})
 BRAKE = ("plateau_of_torque_over_time", {"change": 0.015, "at": 30.0, "length": 25.0})
 WINDAGE = ("kink_of_torque_over_rate", {"above": 3e-4, "at": 90.0})
+SEAL = ("kink_of_torque_over_rate", {"above": 4e-4, "at": -60.0})
 SWITCHED = ("step_of_torque_over_time", {"change": 0.012, "at": 40.0})
 
 
@@ -53,6 +64,7 @@ def diagnosed(truth: Truth, seed: int = 4) -> Diagnosis:
     [
         (Truth(extra=windage), [], WINDAGE),
         (Truth(extra=dragging_brake, coulomb=0.02), ["coulomb_friction"], BRAKE),
+        (Truth(extra=seal), [], SEAL),
         pytest.param(Truth(extra=rough_place), [], ROUGH, marks=pytest.mark.slow),
         pytest.param(
             Truth(extra=rough_place, coulomb=0.02, offset=0.01),
@@ -85,6 +97,17 @@ def test_a_torque_without_a_name_is_modelled_beside_the_names_with_its_values_in
     assert "N·m" in found.unexplained.says
     assert "bias" not in found.unexplained.says
     assert found.not_found == ()
+
+
+@pytest.mark.slow
+def test_a_wide_dent_over_the_angle_is_one_shape_and_not_an_offset_with_harmonics() -> None:
+    found = diagnosed(Truth(extra=dent, cogging=0.02, order=19))
+    (cogging,) = found.findings
+    assert cogging.parameters["order"].value == pytest.approx(19.0, abs=0.5)
+    (model,) = found.unexplained.models
+    assert model.identifier == "bump_of_torque_over_angle"
+    for name, value in (("change", -0.02), ("at", 200.0), ("width", 40.0)):
+        assert model.parameters[name].value == pytest.approx(value, rel=0.03)
 
 
 def test_report_and_model_file_carry_the_torque_which_is_refused_of_another_part(tmp_path: Path) -> None:
