@@ -44,8 +44,8 @@ The expected gain of a shape can be far too low if a named effect of the set has
 _SIZED, _FITTED = 4, 30
 _HALF = 0.5
 """Maximum residual with a structure, relative to that of the named effects alone, in amplitude."""
-_AT_A_MOMENT = "loss_step"
-"""The effect that can follow, at a moment in time, what a function of a measured coordinate explains."""
+_OF_TIME = ("ambient_drift", "loss_step")
+"""Effects that can follow, as functions of time, what a function of a measured coordinate explains."""
 _TIE = 10.0
 """Models whose scores differ by less explain the recording equally well."""
 
@@ -103,7 +103,9 @@ def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, see
         if best is None:
             break
         model = _with_names(problem, best.structures, seed)
-        if not _may_be(problem, named, model, best.paid, left=left):
+        further = len(model.after.numbers) > len(best.fit.numbers)
+        needed = _score(problem, model.after) + best.paid < best.score - _tie(best, score)
+        if (further and not needed) or not _may_be(problem, named, model, best.paid, left=left):
             model = _with_these(problem, chosen, best.fit)
         its = _score(problem, model.after) + best.paid
         if its > score - least or not _may_be(problem, named, model, best.paid, left=left):
@@ -152,8 +154,8 @@ def _may_be(problem: ChamberProblem, named: Selection, model: Selection, paid: f
 
 
 def _is_more_specific(structure: Structure, effect: DescribedEffect) -> bool:
-    """Return whether a function of a measured coordinate replaces one of the same coordinate, or of a moment."""
-    return structure.over != "time" and (structure.over == effect.coordinate or effect.identifier == _AT_A_MOMENT)
+    """Return whether a function of a measured coordinate replaces one of the same coordinate, or of time."""
+    return structure.over != "time" and (structure.over == effect.coordinate or effect.identifier in _OF_TIME)
 
 
 def _missed(problem: ChamberProblem, chosen: Selection) -> float:
@@ -209,9 +211,13 @@ def _simplest(candidates: list[_Candidate], score: float) -> _Candidate | None:
     best = min(candidates, key=lambda one: one.score, default=None)
     if best is None:
         return None
-    near = best.score + max(_TIE, (1.0 - NEARLY) * (score - best.score))
-    alike = [one for one in candidates if one.score < near]
+    alike = [one for one in candidates if one.score < best.score + _tie(best, score)]
     return min(alike, key=lambda one: (*one.takes, one.score))
+
+
+def _tie(best: _Candidate, score: float) -> float:
+    """Return the difference of scores that a simpler model may have, if the best one improves a `score`."""
+    return max(_TIE, (1.0 - NEARLY) * (score - best.score))
 
 
 def _tied(best: _Candidate, candidates: list[_Candidate]) -> tuple[str, ...]:
