@@ -61,7 +61,7 @@ class Verified:
         when = f"{signature.signed:%Y-%m-%d %H:%M} UTC"
         yield f"signed by {signature.name}, key {signature.fingerprint}, {when}: {signature.verdict}, {signature.unit}"
         if signature.accepted_by is None:
-            yield "the signature matches, but nobody vouches for the key; --signers FILE names the keys that you accept"
+            yield "the signature matches; whose key it is was not checked: --signers FILE lists the accepted keys"
         else:
             yield f"the key is listed in {signature.accepted_by}"
 

@@ -246,7 +246,7 @@ def write_compensated(
     """Write a copy of the recording with `compensated_dps` and `compensated_valid` in each step that can have them.
 
     Coefficients of a rate are applied to a digital gyro's frames, if there are any: `frame_compensated_dps`,
-    `frame_compensated_valid`. Samples that the gyro does not vouch for have no rate.
+    `frame_compensated_valid`. Samples that the gyro states as invalid have no rate.
 
     One step is in memory at a time. The provenance names the recording by its `digest`, and the file of coefficients
     by its name and SHA-256. No sample is moved in time: `comment` of the channel states its delay.

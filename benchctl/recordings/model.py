@@ -69,7 +69,7 @@ DESCRIPTIONS: Mapping[str, str] = {
     "frame_time_s": "time of the digital gyro's sample since the start of the recording",
     "frame_rate_dps": "rate that the digital gyro states, positive counter-clockwise",
     "frame_temp_c": "temperature that the digital gyro states",
-    "frame_status": "0: the digital gyro vouches for the sample; otherwise 256 + the status that it states",
+    "frame_status": "0: the digital gyro states that the sample is valid; otherwise 256 + the status that it states",
     COMPENSATED: _SENSED,
     COMPENSATED_VALID: _WITHIN,
     FRAME_COMPENSATED: _SENSED,

@@ -7,7 +7,7 @@ a recording has frames, the digital gyro is the unit under test, and `under_test
 |---------------|--------------------------------------------------------------------------------------------------|
 | `time_s`      | `frame_time_s`; a missing frame is a gap in it                                                   |
 | `encoder_deg` | the encoder's angle at the frames' instants, a cubic spline through the scans between two gaps   |
-| `gyro_v`      | `frame_rate_dps`; NaN if the gyro does not vouch for the sample                                  |
+| `gyro_v`      | `frame_rate_dps`; NaN if the gyro states an invalid sample                                       |
 | `gyro_temp_c` | `frame_temp_c`                                                                                   |
 
 `Meta.output_unit` is then `deg/s`, as for an imported recording of rates: in results K0 is the stated rate over the

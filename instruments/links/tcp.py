@@ -111,8 +111,9 @@ class TcpLink:
             except OSError as err:
                 failure = err
                 self.wire_log.note(f"no connection: {_reason(err)}")
+        attempts = self._reconnect.attempts
         raise LinkError(
-            f"{self.address}: could not connect in {self._reconnect.attempts} attempts: {_reason(failure)};"
+            f"{self.address}: could not connect in {attempts} attempt{'s' * (attempts > 1)}: {_reason(failure)};"
             " check that the instrument is switched on, the cable, and host and port"
         ) from failure
 

@@ -31,9 +31,15 @@ __all__ = ["site"]
 TIMEOUT_S = 0.5
 CLOCK = ScaledClock(20.0)  # for the pauses between requests
 READ_REGISTERS = 3
+QUICK = ("newport_esp301", "thermotron_3800", "kvh_dsp1760")
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
-OURS = [(kind, model) for kind in KINDS for model in our_models(kind) if model != "manual"]  # it has no wire
+OURS = [
+    pytest.param(kind, model, marks=() if model in QUICK else pytest.mark.slow)
+    for kind in KINDS
+    for model in our_models(kind)
+    if model != "manual"  # it has no wire
+]
 
 
 class Watched:
@@ -89,6 +95,7 @@ def test_every_simulated_instrument_is_recognised_and_stays_as_it_was(kind: Kind
 @pytest.mark.parametrize(
     ("kind", "model"), [("rate_table", "newport_esp301"), ("chamber", "espec_p300"), ("chamber", "binder_mb2")]
 )
+@pytest.mark.slow
 def test_without_a_speed_each_question_is_asked_at_the_speed_of_its_driver(kind: Kind, model: str) -> None:
     with twin(kind, model)(machine_of(kind), over_tcp=False) as running:
         device, _, _ = running.address.partition("?")
@@ -124,6 +131,7 @@ def test_a_gyro_that_accepts_settings_and_sends_nothing_is_asked_for_its_rate() 
     assert (match.model, match.device) == ("kvh_dsp1760", "KVH, accepting settings; set to 1000 Hz")
 
 
+@pytest.mark.slow
 def test_another_unit_number_goes_into_the_options() -> None:
     with SimulatedWatlowF4(machine_of("chamber"), unit_id=7, over_tcp=True) as running:
         assert asked(running.address)[0] == []
@@ -131,12 +139,14 @@ def test_another_unit_number_goes_into_the_options() -> None:
     assert (match.model, match.options) == ("watlow_f4", {"unit_id": 7})
 
 
+@pytest.mark.slow
 def test_modbus_rtu_behind_a_tcp_port_is_found_and_its_address_says_so() -> None:
     with SimulatedWatlowF4(machine_of("chamber"), over_tcp=True) as running:
         (match,), _ = asked(running.address.replace("socket://", "tcp://"))
         assert match.address == running.address
 
 
+@pytest.mark.slow
 def test_two_questions_without_an_answer_end_the_questions_by_modbus() -> None:
     with server(b"") as address:
         found, exchanges = asked(address)
@@ -146,7 +156,7 @@ def test_two_questions_without_an_answer_end_the_questions_by_modbus() -> None:
     assert places == [address] * 2 + [address.replace("tcp://", "socket://")] * 2
 
 
-@pytest.mark.parametrize("nonsense", [b"\xde\xad\xbe\xef", b"moo\r\n"])
+@pytest.mark.parametrize("nonsense", [pytest.param(b"\xde\xad\xbe\xef", marks=pytest.mark.slow), b"moo\r\n"])
 def test_nonsense_is_shown_and_not_recognised(nonsense: bytes) -> None:
     with server(nonsense) as address:
         found, exchanges = asked(address)
@@ -199,6 +209,7 @@ def test_a_register_that_two_drivers_ask_for_is_read_once(monkeypatch: pytest.Mo
     assert [exchange.question for exchange in exchanges] == ["Modbus unit 1: register 300"]
 
 
+@pytest.mark.slow
 def test_an_f4_that_is_set_to_fahrenheit_is_recognised_and_that_is_said() -> None:
     words = {606: 1, 901: 0, 602: 0, 603: 900, 100: 734}
     registers = RegisterTable([word(address, lambda held=held: held) for address, held in words.items()])
@@ -207,6 +218,7 @@ def test_an_f4_that_is_set_to_fahrenheit_is_recognised_and_that_is_said() -> Non
     assert (match.model, match.device) == ("watlow_f4", "Watlow F4; air 73.4 °F; it must be set to °C")
 
 
+@pytest.mark.slow
 def test_registers_that_hold_only_zeros_are_no_chamber() -> None:
     registers = RegisterTable([], memory=dict.fromkeys(range(0x10000), 0))
     with ModbusRtuServer(registers, unit_id=1, over_tcp=True) as running:

@@ -106,6 +106,7 @@ FOUND = {
 }
 
 
+@pytest.mark.slow
 def test_what_a_diagnosis_found_is_taken_off_where_a_gyro_is_fitted_and_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

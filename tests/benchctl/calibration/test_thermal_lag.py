@@ -82,6 +82,7 @@ def test_without_its_history_the_same_campaign_gives_wrong_coefficients(short: P
     assert "g2" in outside(fitted(short, polls=False))
 
 
+@pytest.mark.slow
 def test_coefficients_report_and_console_say_it(short: Path, tmp_path: Path) -> None:
     found = fit([short], out=tmp_path)
     for told in (found.says, (tmp_path / "coefficients.json").read_text(), (tmp_path / "report.html").read_text()):
@@ -89,6 +90,7 @@ def test_coefficients_report_and_console_say_it(short: Path, tmp_path: Path) -> 
         assert "thermal_lag_s" in told or "τ of the coil" in told
 
 
+@pytest.mark.slow
 def test_after_a_long_soak_nothing_changes_and_nothing_is_said(tmp_path: Path) -> None:
     recording = recorded(1, {**PARAMETERS, "points": "3", "soak_s": "10800"}, tmp_path)
     result, plain = fitted(recording), fitted(recording, polls=False)
@@ -99,6 +101,7 @@ def test_after_a_long_soak_nothing_changes_and_nothing_is_said(tmp_path: Path) -
     assert result.error_percent == plain.error_percent
 
 
+@pytest.mark.slow
 def test_a_lag_that_is_not_excluded_widens_the_budget_and_leaves_the_parameters_words(tmp_path: Path) -> None:
     result = fitted(recorded(1, {"points": "3", "soak_s": "4500"}, tmp_path))
     scale = result.best.parameter("K0_v_per_dps")

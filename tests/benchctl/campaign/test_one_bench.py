@@ -121,6 +121,7 @@ def test_a_stream_that_cannot_be_reached_ends_a_run_before_anything_is_commanded
         t7.read_once()  # refused where a stream was left
 
 
+@pytest.mark.slow
 def test_a_second_run_in_another_environment_by_another_name_is_refused_and_the_first_one_goes_on(lab: Lab) -> None:
     with lab.running("first") as first:
         second = _ran(lab.run_arguments("second", "renamed.toml"), lab.folder)
@@ -144,6 +145,7 @@ def test_a_second_run_in_another_environment_by_another_name_is_refused_and_the_
     lab.wait_for_rate(0.0)
 
 
+@pytest.mark.slow
 def test_a_run_that_no_lock_reaches_finds_the_bench_in_use_and_commands_nothing(lab: Lab) -> None:
     # what another machine is: the same instruments, and none of the locks
     (lab.folder / "locks").mkdir(mode=0o777)
@@ -172,6 +174,7 @@ def test_a_run_that_no_lock_reaches_finds_the_bench_in_use_and_commands_nothing(
     assert '"kind": "gap"' not in journal
 
 
+@pytest.mark.slow
 def test_after_a_run_was_killed_together_with_its_guard_the_next_one_ends_its_stream(lab: Lab) -> None:
     with lab.running("killed") as run:
         children = Path(f"/proc/{run.pid}/task/{run.pid}/children")

@@ -30,6 +30,7 @@ def states(fleet: Fleet) -> dict[str, str]:
     return {member.name: member.state for member in fleet.members}
 
 
+@pytest.mark.slow
 def test_a_fleet_does_what_is_missing_or_changed_and_one_bad_recording_does_not_stop_it(
     tmp_path: Path, scheduler: str
 ) -> None:

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.benchctl.history.made_history import campaign, figure, read
 
 
@@ -29,6 +31,7 @@ def test_a_short_soak_is_no_drift_beside_a_long_one(tmp_path: Path) -> None:
     assert figure(read(tmp_path)).flags == ()
 
 
+@pytest.mark.slow
 def test_it_says_how_many_it_left_out_and_why_and_how_to_ask(tmp_path: Path) -> None:
     for number, soak_s in enumerate((600.0, 600.0, 4800.0)):
         campaign(tmp_path, number=number, K0=0.05 + 0.001 * soak_s, soak_s=soak_s, points=3)

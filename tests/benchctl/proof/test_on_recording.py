@@ -53,6 +53,7 @@ def test_a_limit_cuts_the_samples_themselves(plain: Path, said: dict[str, object
     assert np.count_nonzero(changed > 0.6 - 1e-9) > 100
 
 
+@pytest.mark.slow
 def test_a_limit_is_drawn_for_a_motion_beyond_the_band_too(said: dict[str, object]) -> None:
     recording = stepped_recording(0.012, 0.0, 0.0, 0.0, np.inf, 46.0)
     baseline = {"K0_v_per_dps": {"value": 1.0}, "U0_v": {"value": 0.0}}
@@ -133,6 +134,7 @@ def test_what_does_not_go_with_a_recording_is_refused(
     assert not (tmp_path / "p").exists()
 
 
+@pytest.mark.slow
 def test_a_recording_whose_diagnosis_leaves_too_much_for_any_effect_is_refused_in_one_line(
     plain: Path, said: dict[str, object], tmp_path: Path
 ) -> None:

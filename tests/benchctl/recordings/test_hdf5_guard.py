@@ -262,6 +262,7 @@ def test_a_seal_of_nonsense_is_a_problem_and_no_crash(tmp_path: Path, text: str)
     assert str(problem).startswith("recording: its manifest is none")
 
 
+@pytest.mark.slow
 def test_a_damaged_step_that_is_being_written_is_refused_in_time(tmp_path: Path) -> None:
     """HDF5 itself would read a header with a wrong checksum again, with pauses that double, for ever."""
     writer = CampaignWriter(tmp_path / "campaign", made.meta(status="running"))

@@ -150,6 +150,7 @@ def test_a_campaign_that_is_being_written_is_not_touched(tmp_path: Path) -> None
     writer.release()
 
 
+@pytest.mark.slow
 def test_files_of_steps_that_cannot_be_read_are_put_aside_and_said_and_the_rest_is_recovered(tmp_path: Path) -> None:
     folder = tmp_path / "c"
     _begun(folder).release()

@@ -30,6 +30,7 @@ DATA = SHARED / "data" / "thermal"
 
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3, 4))])
+@pytest.mark.slow
 def test_a_chamber_of_one_lag_brings_no_finding(seed: int) -> None:
     problem = chamber_problem(recording_of(chamber_channels(Truth(), seed)))
     assert found_in(problem) == {}

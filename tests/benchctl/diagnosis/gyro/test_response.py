@@ -92,6 +92,7 @@ def test_a_delay_is_told_from_a_low_pass_above_the_band() -> None:
     assert set(effects) == {"timing_offset"}
 
 
+@pytest.mark.slow
 def test_an_asymmetry_is_told_by_how_the_shaking_is_felt_in_both_directions() -> None:
     """At one speed the slow output shows no more than another bias."""
     problem = stepped(delay_s=DELAY_S, asymmetry=0.03)

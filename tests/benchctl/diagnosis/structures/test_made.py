@@ -33,6 +33,7 @@ def model_of(path: Path, more_v: More) -> Any:
     return told["unexplained"]["model"]
 
 
+@pytest.mark.slow
 def test_a_step_of_the_bias_within_a_step_that_is_held_out_is_found_at_its_instant(tmp_path: Path) -> None:
     # of each kind the fourth is held out: 90 to 118 s, and nothing was recorded just before
     model = model_of(tmp_path / "moving.h5", lambda time_s, _rate_dps, _coil_c: 2e-3 * (time_s > 104.0))
