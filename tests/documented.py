@@ -31,6 +31,8 @@ benchctl() {
     "serve "*) timeout -s INT 8 python -m benchctl "$@" | grep '"url"' ;;
     "sim "*) python -m benchctl "$@" & until [ -s sim.toml ]; do sleep 0.1; done ;;
     "run static --bench sim.toml") python -m benchctl check static --bench sim.toml ;;  # in real time it takes minutes
+    "run acceptance "*" --out first") mv unit17 first ;;         # the README's block has run the same
+    "run --again first/"*) ;;                                   # and this too
     *--resume*) python -m benchctl "$@" --yes ;;                # there is no terminal to confirm at
     *tcp://lab-server*) ;;
     *) python -m benchctl "$@" || [ $? = 1 ] ;;                 # 1: it works, and a unit or a comparison fails
