@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +32,8 @@ def running(served: Served) -> str:
 def test_the_list_tells_the_campaign_that_runs_from_the_one_that_is_over(served: Served) -> None:
     with served.client(served.view_token) as client:
         listed = client.get("/api/campaigns").json()["campaigns"]
-    assert {campaign["name"]: campaign["status"] for campaign in listed} == {OVER: "complete", RUNNING: "running"}
+    statuses = {campaign["name"]: campaign["status"] for campaign in listed}  # other tests write campaigns as well
+    assert (statuses[OVER], statuses[RUNNING]) == ("complete", "running")
     assert all(campaign["steps_whole"] == 2 for campaign in listed)
 
 
@@ -224,4 +224,3 @@ def test_a_campaign_that_is_gone_or_spoilt_meanwhile_is_refused_in_a_line(served
     for answer in (*spoilt, *gone):
         assert answer.status_code in (404, 422), answer.text
         assert "\n" not in answer.json()["error"]
-    shutil.rmtree(campaigns / "spoilt")  # the other tests list what is there
