@@ -85,7 +85,8 @@ def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, see
     searched together with each subset of the effects, either replacing or extending the structures found so far; then
     all effects are searched again with these structures. `left` is True if the named effects leave a residual.
     """
-    named, score, paid = chosen, _score(problem, chosen.after), 0.0
+    named, of_names, paid = chosen, _score(problem, chosen.after), 0.0
+    score = of_names
     structures: tuple[Structure, ...] = ()
     ties: tuple[str, ...] = ()
     scanned: set[str] | None = None
@@ -103,12 +104,14 @@ def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, see
         if best is None:
             break
         model = _with_names(problem, best.structures, seed)
-        further = len(model.after.numbers) > len(best.fit.numbers)
-        needed = _score(problem, model.after) + best.paid < best.score - _tie(best, score)
-        if (further and not needed) or not _may_be(problem, named, model, best.paid, left=left):
-            model = _with_these(problem, chosen, best.fit)
         its = _score(problem, model.after) + best.paid
-        if its > score - least or not _may_be(problem, named, model, best.paid, left=left):
+        needless = len(model.after.numbers) > len(best.fit.numbers) and its >= best.score - _tie(best, score)
+        may_be = not needless and _may_be(problem, named, model, of_names - its, left=left)
+        if not may_be:
+            model = _with_these(problem, chosen, best.fit)
+            its = _score(problem, model.after) + best.paid
+            may_be = _may_be(problem, named, model, of_names - its, left=left)
+        if its > score - least or not may_be:
             break
         ties = _tied(best, candidates)
         chosen, score, paid = model, its, best.paid
@@ -130,8 +133,8 @@ def _names(fitted: Fit) -> tuple[DescribedEffect, ...]:
     return tuple(one for one in fitted.point.effects if not isinstance(one, Structure))
 
 
-def _may_be(problem: ChamberProblem, named: Selection, model: Selection, paid: float, *, left: bool) -> bool:
-    """Return whether a model with structures, of a price `paid`, may replace the named effects.
+def _may_be(problem: ChamberProblem, named: Selection, model: Selection, gain: float, *, left: bool) -> bool:
+    """Return whether a model with structures may replace the named effects; `gain` is its advantage in the score.
 
     A real disturbance never matches its model exactly, and functions of time or of the air temperature can follow it,
     together with named effects. A model with structures is therefore accepted only if it has fewer effects than before;
@@ -149,7 +152,7 @@ def _may_be(problem: ChamberProblem, named: Selection, model: Selection, paid: f
     if _missed(problem, model) < _HALF**2 * _missed(problem, named):
         return True
     if gone and _is_more_specific(found[0], gone[0]):
-        return _score(problem, model.after) + paid < _score(problem, named.after) - _TIE
+        return gain > _TIE
     return left and not left_beside(problem, model.after).significant
 
 

@@ -145,7 +145,7 @@ def _simple_enough(problem: Structurable, chosen: Selection, candidates: Sequenc
     better = max((one for one in candidates if _alike(one, best)), key=lambda one: one.evidence)
     if simple is better:
         return simple
-    with_simple = with_last(problem, chosen, simple.fit)
+    with_simple = with_last(problem, chosen, simple.fit.point)
     left = residual_structure_of(problem, with_simple.whitener, with_simple.after, seed=seed)
     return better if left.significant else simple
 
@@ -248,7 +248,7 @@ def with_jumps(problem: GyroProblem, chosen: Selection) -> tuple[Selection, tupl
             continue
         one = _candidate(problem, chosen, begun, looked)
         if one is not None:
-            chosen = with_last(problem, chosen, one.fit)
+            chosen = with_last(problem, chosen, one.fit.point)
             found.append(one.structure)
     return chosen, tuple(found)
 
@@ -262,13 +262,12 @@ def _with_jump_held_out(problem: GyroProblem, chosen: Selection, begun: Structur
     added = full.point.effects[-1]
     assert isinstance(added, Structure)  # noqa: S101  # it was fitted as one
     point = replace(chosen.after.point, effects=(*chosen.after.point.effects, unmoved(added)))
+    return replace(with_last(problem, chosen, point), whole=full)
+
+
+def with_last(problem: Structurable, chosen: Selection, point: Point) -> Selection:
+    """Return the selection with the last effect of a point near the best one, fitted with exact derivatives."""
     after = fit(problem, chosen.whitener, point, chosen.after.fitted)
-    return replace(with_last(problem, chosen, after), whole=full)
-
-
-def with_last(problem: Structurable, chosen: Selection, after: Fit) -> Selection:
-    """Return the selection with the last effect of `after`, refitted with exact derivatives."""
-    after = fit(problem, chosen.whitener, after.point, after.fitted)
     effects = (*chosen.whole.point.effects, after.point.effects[-1])
     everything = np.ones_like(after.fitted)
     full = after
@@ -340,7 +339,7 @@ class Scan:
         added = after.point.effects[-1]
         key = added.identifier, *map(repr, added.values.values())
         if key not in self._beside:
-            self._beside[key] = Scan(self._problem, with_last(self._problem, self.chosen, after))
+            self._beside[key] = Scan(self._problem, with_last(self._problem, self.chosen, after.point))
         return self._beside[key]
 
     @cached_property

@@ -73,8 +73,8 @@ def _with_offset(problem: DriveProblem, chosen: Selection) -> Selection:
     if _OFFSET in chosen.evidence or _OFFSET not in problem.effects:
         return chosen
     point = chosen.after.point
-    extended = replace(point, effects=(*point.effects, problem.effects[_OFFSET].make({"offset_nm": 0.0})))
-    return with_last(problem, chosen, fit(problem, chosen.whitener, extended, chosen.after.fitted))
+    offset = problem.effects[_OFFSET].make({"offset_nm": 0.0})
+    return with_last(problem, chosen, replace(point, effects=(*point.effects, offset)))
 
 
 def _pursued(problem: DriveProblem, first: Modelled, seed: int) -> Modelled:
@@ -121,26 +121,24 @@ def _without_offset(problem: DriveProblem, found: Modelled, seed: int) -> Iterat
     named = zip(found.chosen.evidence, found.chosen.after.point.effects, strict=True)
     effects = tuple(effect for key, effect in named if key != _OFFSET)
     less = reduced(problem, found.chosen, {_OFFSET})
-    yield _refitted(problem, found, less, effects, seed)
+
+    def model_of(chosen: Selection) -> Modelled:
+        left = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
+        structures = tuple(one for one in chosen.after.point.effects if isinstance(one, Structure))
+        return replace(found, chosen=chosen, structures=structures, left=left)
+
+    yield model_of(less)
     for place, effect in enumerate(effects):
         other = on_the_other_side(effect) if isinstance(effect, Structure) else None
-        if other is not None:
-            yield _refitted(problem, found, less, (*effects[:place], other, *effects[place + 1 :]), seed)
-
-
-def _refitted(
-    problem: DriveProblem, found: Modelled, chosen: Selection, effects: tuple[DescribedEffect, ...], seed: int
-) -> Modelled:
-    """Return the model with other effects in the order of those of a selection, and its structures among them."""
-    after, full = (
-        fit(problem, chosen.whitener, replace(one.point, effects=effects), one.fitted)
-        for one in (chosen.after, chosen.whole)
-    )
-    evidence = dict(zip(keys_of(effects), chosen.evidence.values(), strict=True))
-    chosen = replace(chosen, after=after, whole=full, evidence=evidence)
-    left = residual_structure_of(problem, chosen.whitener, after, seed=seed)
-    structures = tuple(one for one in after.point.effects if isinstance(one, Structure))
-    return replace(found, chosen=chosen, structures=structures, left=left)
+        if other is None:
+            continue
+        turned = (*effects[:place], other, *effects[place + 1 :])
+        after, full = (
+            fit(problem, less.whitener, replace(one.point, effects=turned), one.fitted)
+            for one in (less.after, less.whole)
+        )
+        evidence = dict(zip(keys_of(turned), less.evidence.values(), strict=True))
+        yield model_of(replace(less, after=after, whole=full, evidence=evidence))
 
 
 def _best(problem: DriveProblem, *models: Modelled) -> Modelled:

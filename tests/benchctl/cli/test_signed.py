@@ -73,7 +73,7 @@ def test_verify_says_by_whom_a_copied_campaign_was_signed(lab: Path, unit: Path)
     assert unchanged.startswith(f"{unit}: nothing changed since it was written; campaign digest ")
     assert signed.startswith(f"signed by Anna Petrova (QA), key {key.fingerprint}, 20")
     assert signed.endswith(" UTC: PASS, SIM-0001")
-    assert trust == ("the signature matches; whose key it is was not checked: --signers FILE lists the accepted keys")
+    assert trust == "the signature matches; whose key it is was not checked: --signers FILE lists the accepted keys"
     status, told, _ = verified(unit)
     assert status == 0
     assert told["signature"].pop("signed_utc").endswith("+00:00")
