@@ -14,8 +14,8 @@ from benchctl_instruments.physics.chamber_effects.effect import ChamberStage
 from benchctl_instruments.physics.drive_effects.effect import DriveStage
 
 Span = tuple[float, float]
-StructureStage = Literal["scale", "bias", "sampling", "encoder", "noise", "torque", "heat"]
-OF_PARTS: Mapping[StructureStage, str] = {"torque": "drive", "heat": "chamber"}
+StructureStage = Literal["scale", "bias", "sampling", "encoder", "noise", "torque", "heat", "loss"]
+OF_PARTS: Mapping[StructureStage, str] = {"torque": "drive", "heat": "chamber", "loss": "chamber"}
 """Stages of other parts than the gyro."""
 
 SETPOINT_WAY = "setpoint_way"
@@ -103,6 +103,15 @@ ACTS: Mapping[StructureStage, _Acts] = {
         printed=(1.0, "K"),
         equation="T_room → T_room + f",
         formula="τ·dT/dt = gain·u + T_room − T + {f}",
+    ),
+    "loss": _Acts(
+        chain="loss",
+        what="heat loss of the air",
+        unit="1",
+        limit=100.0,
+        printed=(100.0, "%"),
+        equation="loss → loss·(1 + f)",
+        formula="τ·dT/dt = gain·u + (T_room − T)·(1 + {f})",
     ),
 }
 

@@ -15,6 +15,7 @@ from benchctl_instruments.physics.structure_places import ACTS, OVER, Span, Stru
 
 EDGE = 0.01
 """Width of a plateau's edges relative to its length; sharp edges could not be fitted."""
+_MANIFOLD = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +44,10 @@ class Said:
         return f"{factor * abs(value):.3g} {unit}{per}"
 
     def change(self, name: str = "change") -> str:
-        """Return a change with its direction, in words."""
+        """Return a change with its direction, in words; that of a share by a large factor as this factor."""
         value = self.values[name]
+        if ACTS[self.stage].printed[1] == "%" and value > _MANIFOLD:
+            return f"{1.0 + value:.3g} times as large"
         return f"{self.size(value)} {'lower' if value < 0.0 else 'higher'}"
 
     def place(self, value: str | float = "at") -> str:

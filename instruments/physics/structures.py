@@ -9,9 +9,9 @@ coordinate. In a model file it is a table of `[discovered]`; the name of a secon
     above = -4.8e-4
 
 Its function f acts on the scale factor as (U − U0)·(1 + f), on the bias as U + f, on the sampling as a delay f, on the
-encoder's angle as θ + f, on the noise as σ·(1 + f), on the torque of a table's drive as τ + f, and on the heat of a
-chamber as T_room + f, through the lag of its air. Structures of a drive or a chamber are tables of
-`[parts.drive.effects]` or `[parts.chamber.effects]`; their coordinates are those of the part's rows.
+encoder's angle as θ + f, on the noise as σ·(1 + f), on the torque of a table's drive as τ + f, on the heat of a chamber
+as T_room + f, through the lag of its air, and on the loss of that air as loss·(1 + f). Structures of a drive or chamber
+are tables of `[parts.drive.effects]` or `[parts.chamber.effects]`; their coordinates are those of the part's rows.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ _EVERYWHERE: Span = (-1e12, 1e12)
 _ARCSEC = 3600.0
 _TABULATED = 4000
 """Number of air temperatures at which functions of it are tabulated, with linear interpolation."""
+_WITHIN = 16
+"""Number of times within a sample at which functions of time are averaged."""
 _NARROWEST, _WIDEST = 1e-3, 2.0
 """Limits of widths and periods, relative to the coordinate's range."""
 
@@ -193,21 +195,30 @@ def lagged_in_parts(
 def pushed(
     signals: ChamberSignals, structures: Sequence[Structure], clock_s: FloatArray, gain: float, reach_c: Span
 ) -> ChamberSignals:
-    """Return the signals with the heat of structures: functions of time, of the air temperature or of the heater.
+    """Return the signals with the structures: heat over time, over the air temperature or the heater; loss over time.
 
     A function of the heater is added to the drive. `clock_s` (n,) starts with the recording; `gain` [K] is that of the
-    drive. Outside `reach_c`, a function of the air temperature is constant.
+    drive. Outside `reach_c`, a function of the air temperature is constant. A loss does not become negative.
     """
     at_c = np.linspace(*reach_c, _TABULATED)
-    of_air, push_c, drive = np.zeros_like(at_c), np.zeros_like(clock_s), signals.drive
+    of_air, push_c, drive, loss = np.zeros_like(at_c), np.zeros_like(clock_s), signals.drive, signals.loss
     for one in structures:
-        if one.over == "chamber_temp":
+        if one.acts_on == "loss":
+            loss = loss * np.maximum(1.0 + _mean_at(one, clock_s, signals.interval_s), 0.0)
+        elif one.over == "chamber_temp":
             of_air += one.value_at(at_c)
         elif one.over == "heater" and gain:
             drive = drive + one.value_at(signals.drive) / gain
         elif one.over == "time":
-            push_c += one.value_at(clock_s)
-    return replace(signals, drive=drive, push_c=push_c, push_of_air=np.stack([at_c, of_air]) if of_air.any() else None)
+            push_c += _mean_at(one, clock_s, signals.interval_s)
+    of_the_air = np.stack([at_c, of_air]) if of_air.any() else None
+    return replace(signals, drive=drive, loss=loss, push_c=push_c, push_of_air=of_the_air)
+
+
+def _mean_at(one: Structure, clock_s: FloatArray, interval_s: float) -> FloatArray:
+    """Return the means of a function of time over the samples, shape (n,): its edges move within a sample too."""
+    within = (np.arange(_WITHIN) + 0.5) / _WITHIN - 0.5
+    return np.asarray(np.mean([one.value_at(clock_s + share * interval_s) for share in within.tolist()], axis=0))
 
 
 @lru_cache(maxsize=1024)

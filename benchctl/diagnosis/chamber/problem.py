@@ -47,6 +47,8 @@ _EDGE = 1.0 / 40.0
 """Share of a run next to its ends in which a change of the loss is confused with the air's start or hardly visible."""
 _OFFSET_SHARE, _LEAST_OFFSET_K = 0.5, 10.0
 _START_K, _START_STEPS = 2.0, 10.0
+_MUCH = 0.05
+"""Share of the air's range that a model misses, above which a remark says so."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,6 +175,12 @@ class ChamberProblem(MadeOfRows):
                 column[:] = air_c(signals, 0.0, 1.0, numbers["tau_s"])
         return np.stack([rows.means(one) for one in air])
 
+    def excess_c(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
+        """Return the excess of the simulated air over the room [K] at the samples, shape (n,)."""
+        numbers = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
+        room_c = [self._signals(run, numbers).room_c for run in self.rows.runs]
+        return self.air_c(baseline, effects) - np.concatenate(room_c)
+
     @property
     def has_second(self) -> bool:
         """Whether a second temperature was measured in all samples."""
@@ -196,10 +204,18 @@ class ChamberProblem(MadeOfRows):
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
         """Return remarks on the residuals [K] before and after, shape (m,)."""
         used, held = self.usable, self.usable & heldout
-        return (
+        compared = (
             "Compared is the air, the simulation running freely from its start: it misses by"
             f" {_rms(before[used]):.3g} K rms before and {_rms(after[used]):.3g} K after, on the pieces held out by"
-            f" {_rms(before[held]):.3g} K and {_rms(after[held]):.3g} K.",
+            f" {_rms(before[held]):.3g} K and {_rms(after[held]):.3g} K."
+        )
+        share = _rms(after[used]) / self.full_scale
+        if share < _MUCH:
+            return (compared,)
+        return (
+            compared,
+            f"What the simulation misses, {100.0 * share:.2g} % of the air's range, is attributed to a disturbance"
+            " of the air; something that happened during the recording, or an effect without a name, may be missing.",
         )
 
     def starts(
@@ -254,8 +270,12 @@ class ChamberProblem(MadeOfRows):
     def _with_losses(self, run: slice, numbers: Mapping[str, float], effects: Sequence[Any]) -> ChamberSignals:
         """Return the signals of a run with the changes of its losses by effects."""
         signals = self._signals(run, numbers)
-        for effect in effects:
-            if effect.stage == "loss":
+        of_loss = [one for one in effects if one.stage == "loss"]
+        structures = [one for one in of_loss if isinstance(one, Structure)]
+        if structures:
+            signals = pushed(signals, structures, self.rows.clock_s[run], 1.0, self._reach_c)
+        for effect in of_loss:
+            if not isinstance(effect, Structure):
                 signals = effect.apply(signals)
         return signals
 

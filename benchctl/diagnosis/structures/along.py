@@ -72,6 +72,8 @@ _ALIKE: Mapping[tuple[StructureStage, str], tuple[str, ...]] = {
 The baseline has slopes there, with which a bend equals a kink, or a named effect has this shape. A spline would follow
 a disturbance.
 """
+_OF_LOSS = ("plateau",)
+"""Shapes of a loss over time: a chamber that is opened and closed. A single step of the loss has a name."""
 Place = tuple[StructureStage, str, str]
 _MOVED, _NUDGED = 2.0, 0.2
 """The refinement of a place starts with a twentieth of these: of its logarithm, and of the range."""
@@ -109,16 +111,21 @@ def everywhere(alongs: Sequence[Along]) -> Iterator[Begun]:
     else:
         shapes = (*_ALONG, *(("exponential",) if over == "time" else ()))
     for shape in shapes:
-        sought = [one for one in alongs if shape not in _ALIKE.get(one.place[:2], ())]
+        sought = [one for one in alongs if _is_tried(shape, one.place)]
         yield from _best(shape, list(_grid(over, shape, span)), sought)
     for one in alongs:
         stage, _, times = one.place
-        if times:
+        if times or stage == "loss":
             continue
         if over in ("time", "gyro_temp") or (stage, over) in (("torque", "angle"), ("heat", "chamber_temp")):
             yield from one.two_steps()
         if over == "time":
             yield from one.bursts() if one.information.ndim == 1 else _best("bursts", list(_cycles(span)), [one])
+
+
+def _is_tried(shape: str, place: Place) -> bool:
+    stage, over, _ = place
+    return shape in _OF_LOSS if stage == "loss" else shape not in _ALIKE.get((stage, over), ())
 
 
 def _best(shape: str, places: Sequence[Mapping[str, float]], alongs: Sequence[Along]) -> Iterator[Begun]:

@@ -1,4 +1,4 @@
-"""Unnamed heat in a chamber: it shifts the temperature to which the air settles, through the lag of the air.
+"""Unnamed heat in a chamber, or times at which its air loses more: both act through the lag of the air.
 
 The air responds to heat with a lag. The gain of a function of a coordinate is therefore a sum over all pairs of its
 bins; the response to each bin is simulated once. Structures are compared like named effects: each model includes the
@@ -29,6 +29,7 @@ from benchctl.side_by_side import shared_out
 from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.structure_places import StructureStage
 from benchctl_instruments.physics.structures import Structure, freed, unmoved
 
 _BINS = 200
@@ -42,8 +43,8 @@ _REFINED, _FEW = 8, 2
 The expected gain of a shape can be far too low if a named effect of the set has followed the missing structure.
 """
 _SIZED, _FITTED = 4, 30
-_HALF = 0.5
-"""Maximum residual with a structure, relative to that of the named effects alone, in amplitude."""
+_HALF, _TENTH = 0.5, 0.1
+"""Maximum residual with a structure, relative to that of the named effects alone, in amplitude; with other names."""
 _OF_TIME = ("ambient_drift", "loss_step")
 """Effects that can follow, as functions of time, what a function of a measured coordinate explains."""
 _TIE = 10.0
@@ -79,14 +80,15 @@ class _Candidate:
 
 
 def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, seed: int) -> Modelled | None:
-    """Return the selection with structures of unnamed heat and the effects found with them; None if none pays off.
+    """Return the selection with structures of heat or loss and the effects found with them; None if none pays off.
 
     An effect found first may take the place of a structure, and a structure that of effects. A structure is therefore
     searched together with each subset of the effects, either replacing or extending the structures found so far; then
     all effects are searched again with these structures. `left` is True if the named effects leave a residual.
     """
-    named, of_names, paid = chosen, _score(problem, chosen.after), 0.0
-    score = of_names
+    of_names = _score(problem, chosen.after)
+    judged = _Judged(problem=problem, named=chosen, of_names=of_names, left=left, seed=seed)
+    score, paid = of_names, 0.0
     structures: tuple[Structure, ...] = ()
     ties: tuple[str, ...] = ()
     scanned: set[str] | None = None
@@ -99,23 +101,11 @@ def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, see
         if 0 < len(structures) < _MOST:
             candidates = single + _candidates(problem, chosen, structures, paid)
         least = _TIE if structures else _BETTER  # a tie is not an improvement
-        candidates = [one for one in candidates if one.score < score - least]
-        best = _simplest(candidates, score)
-        if best is None:
+        found = judged.best(chosen, candidates, score, least)
+        if found is None:
             break
-        model = _with_names(problem, best.structures, seed)
-        its = _score(problem, model.after) + best.paid
-        needless = len(model.after.numbers) > len(best.fit.numbers) and its >= best.score - _tie(best, score)
-        may_be = not needless and _may_be(problem, named, model, of_names - its, left=left)
-        if not may_be:
-            model = _with_these(problem, chosen, best.fit)
-            its = _score(problem, model.after) + best.paid
-            may_be = _may_be(problem, named, model, of_names - its, left=left)
-        if its > score - least or not may_be:
-            break
-        ties = _tied(best, candidates)
-        chosen, score, paid = model, its, best.paid
-        structures = _structures(model.after)
+        chosen, score, paid, ties = found.model, found.score, found.paid, found.ties
+        structures = _structures(chosen.after)
     if not structures:
         return None
     after = chosen.after
@@ -123,6 +113,78 @@ def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, see
     return Modelled(
         chosen=replace(chosen, named=bare), structures=structures, ties=ties, left=left_beside(problem, after)
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    """A model with its score, the price of its structures, and whether it may replace the named effects."""
+
+    model: Selection
+    score: float
+    paid: float
+    ties: tuple[str, ...]
+    may_be: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Judged:
+    """The judgement of models with structures against the `named` effects, whose score is `of_names`."""
+
+    problem: ChamberProblem
+    named: Selection
+    of_names: float
+    left: bool
+    seed: int
+
+    def best(self, chosen: Selection, candidates: list[_Candidate], score: float, least: float) -> _Found | None:
+        """Return the model that improves a `score` by at least `least` and may be true; None if there is none.
+
+        Heat or openings of the chamber are tried first, whichever score better. An opening is visible only while it
+        lasts: on held-out steps the first one may explain nothing without a second one.
+        """
+        openings = _openings(candidates)
+        others = [one for one in candidates if not _are_openings(one.structures)]
+        opened_first = _least(openings) < _least(others)
+        for are_openings in (opened_first, not opened_first):
+            found = self._better(chosen, openings if are_openings else others, score, least)
+            if are_openings and found is not None and not found.may_be:
+                found = self._opened_again(found)
+            if found is not None and found.may_be:
+                return found
+        return None
+
+    def _opened_again(self, found: _Found) -> _Found | None:
+        """Return the model with a second opening; None if there is none or the first model has two."""
+        known = _structures(found.model.after)
+        if len(known) == _MOST:
+            return None
+        again = _candidates(self.problem, found.model, known, found.paid)
+        return self._better(found.model, _openings(again), found.score, _TIE)
+
+    def _better(self, chosen: Selection, candidates: list[_Candidate], score: float, least: float) -> _Found | None:
+        """Return the model of the simplest of the best candidates, if it improves a `score` by at least `least`."""
+        candidates = [one for one in candidates if one.score < score - least]
+        best = _simplest(candidates, score)
+        found = None if best is None else self._with(best, chosen, candidates, score)
+        return found if found is not None and found.score <= score - least else None
+
+    def _with(self, best: _Candidate, chosen: Selection, candidates: list[_Candidate], score: float) -> _Found:
+        """Return the model of a candidate with the names found with it or, if it may not be, with its own names."""
+        problem, ties = self.problem, _tied(best, candidates)
+        model = _with_names(problem, best.structures, self.seed)
+        if _are_openings(best.structures) and not _known(model, best):  # their places suited other names
+            model = _with_names(problem, _structures(model.after), self.seed)
+        its = _score(problem, model.after) + best.paid
+        needless = len(model.after.numbers) > len(best.fit.numbers) and its >= best.score - _tie(best, score)
+        may_be = not needless and self._may_be(model, its)
+        if not may_be:
+            model = _with_these(problem, chosen, best.fit)
+            its = _score(problem, model.after) + best.paid
+            may_be = self._may_be(model, its)
+        return _Found(model=model, score=its, paid=best.paid, ties=ties, may_be=may_be)
+
+    def _may_be(self, model: Selection, its: float) -> bool:
+        return _may_be(self.problem, self.named, model, self.of_names - its, left=self.left)
 
 
 def _structures(fitted: Fit) -> tuple[Structure, ...]:
@@ -140,20 +202,45 @@ def _may_be(problem: ChamberProblem, named: Selection, model: Selection, gain: f
     together with named effects. A model with structures is therefore accepted only if it has fewer effects than before;
     or if the named effects leave a residual, and the model keeps them all, or one structure replaces one effect and
     leaves none; or if one structure, with or in place of one effect, halves the residual amplitude on held-out steps;
-    or if one structure is better than the one effect that it replaces, and more specific.
+    or if one structure is better than the one effect that it replaces, and more specific. Openings always have to halve
+    this amplitude, or reduce it to a tenth if they are found with other names.
     """
     before, after = ({one.identifier: one for one in _names(it.after)} for it in (named, model))
     found = _structures(model.after)
+    gone = [one for name, one in before.items() if name not in after]
+    without_new = after.keys() <= before.keys() and len(gone) <= 1
+    missed = _missed(problem, model) / _missed(problem, named)
+    halved = missed < _HALF**2
+    if _are_openings(found):
+        return missed < _TENTH**2 or (without_new and halved)
     if len(after) + len(found) < len(before) or (left and before.keys() <= after.keys()):
         return True
-    gone = [one for name, one in before.items() if name not in after]
-    if len(found) > 1 or not after.keys() <= before.keys() or len(gone) > 1:
+    if len(found) > 1 or not without_new:
         return False
-    if _missed(problem, model) < _HALF**2 * _missed(problem, named):
+    if halved:
         return True
     if gone and _is_more_specific(found[0], gone[0]):
         return gain > _TIE
     return left and not left_beside(problem, model.after).significant
+
+
+def _known(model: Selection, best: _Candidate) -> bool:
+    """Return whether all names of a model are those of a candidate."""
+    return {one.identifier for one in _names(model.after)} <= {one.identifier for one in _names(best.fit)}
+
+
+def _least(candidates: list[_Candidate]) -> float:
+    return min((one.score for one in candidates), default=math.inf)
+
+
+def _openings(candidates: list[_Candidate]) -> list[_Candidate]:
+    """Return the models whose structures are all openings."""
+    return [one for one in candidates if _are_openings(one.structures)]
+
+
+def _are_openings(structures: tuple[Structure, ...]) -> bool:
+    """Return whether all structures are times during which the air loses more heat, or less."""
+    return all(one.acts_on == "loss" for one in structures)
 
 
 def _is_more_specific(structure: Structure, effect: DescribedEffect) -> bool:
@@ -190,12 +277,14 @@ def _with_names(problem: ChamberProblem, structures: tuple[Structure, ...], seed
     held = tuple(unmoved(one, ("shape",)) for one in structures)
     chosen = select_subset(problem, seed=seed, progress=lambda _name, _share: None, beside=held)
 
-    def with_all_free(one: Fit) -> Fit:
-        free = tuple(freed(effect) if isinstance(effect, Structure) else effect for effect in one.point.effects)
-        return fit(problem, one.whitener, replace(one.point, effects=free), one.fitted, rounds=_FITTED)
+    full = with_disturbance(problem, _all_free(problem, chosen.whole))
+    return replace(chosen, after=_all_free(problem, chosen.after), whole=full)
 
-    full = with_disturbance(problem, with_all_free(chosen.whole))
-    return replace(chosen, after=with_all_free(chosen.after), whole=full)
+
+def _all_free(problem: ChamberProblem, one: Fit) -> Fit:
+    """Return the fit with the places of its structures free."""
+    free = tuple(freed(effect) if isinstance(effect, Structure) else effect for effect in one.point.effects)
+    return fit(problem, one.whitener, replace(one.point, effects=free), one.fitted, rounds=_FITTED)
 
 
 def left_beside(problem: ChamberProblem, fitted: Fit) -> ResidualStructure:
@@ -266,13 +355,19 @@ def _candidates(
 def _fitted(problem: ChamberProblem, begun: _Begun) -> _Candidate | None:
     """Fit the model with a structure, its sizes first, without effects that are then not significant or at a bound.
 
-    Return None if this applies to a structure.
+    Return None if this applies to a structure. A single opening keeps its place if it would follow a second one.
     """
     base, added = begun.base, begun.structure
     there = replace(base.point, effects=(*base.point.effects, unmoved(added, ("shape",))))
-    sized = fit(problem, base.whitener, there, base.fitted, rounds=_SIZED).point
-    start = replace(sized, effects=(*sized.effects[:-1], type(added).make(sized.effects[-1].values)))
-    one = fit(problem, base.whitener, start, base.fitted, rounds=_FITTED)
+    sized = fit(problem, base.whitener, there, base.fitted, rounds=_SIZED)
+    one = _all_free(problem, sized)
+    structures = _structures(one)
+    if (
+        _are_openings(structures)
+        and len(structures) == 1
+        and (stuck(structures[0]) or _score(problem, sized) < _score(problem, one))
+    ):
+        one = sized
     while needless := _needless(problem, one):
         effects = one.point.effects
         if any(isinstance(effects[place], Structure) for place in needless):
@@ -283,9 +378,14 @@ def _fitted(problem: ChamberProblem, begun: _Begun) -> _Candidate | None:
 
 
 def _needless(problem: ChamberProblem, fitted: Fit) -> set[int]:
-    """Return the indices of the effects at a bound or, if there are none, of those that are not significant."""
-    at_bounds = {place for place, one in enumerate(fitted.point.effects) if stuck(one)}
-    return at_bounds or may_be_nothing(problem, with_disturbance(problem, fitted))
+    """Return the indices of the effects at a bound or, if there are none, of those that are not significant.
+
+    The errors are estimated from the scatter between steps. An opening lies within one or two, so this says nothing.
+    """
+    effects = fitted.point.effects
+    at_bounds = {place for place, one in enumerate(effects) if stuck(one)}
+    openings = {place for place, one in enumerate(effects) if isinstance(one, Structure) and _are_openings((one,))}
+    return at_bounds or may_be_nothing(problem, with_disturbance(problem, fitted)) - openings
 
 
 def _along(problem: ChamberProblem, base: Fit) -> Iterator[Along]:
@@ -297,13 +397,13 @@ def _along(problem: ChamberProblem, base: Fit) -> Iterator[Along]:
     left = white.white * rows
     left = left - derivatives @ (covariance @ (derivatives.T @ left))
     deviation = math.sqrt(float(left @ left) / max(float(np.count_nonzero(rows)) - len(base.numbers), 1.0))
-    for over, values in _coordinates(problem, base).items():
+    for (stage, over), (values, per_unit_k) in _coordinates(problem, base).items():
         span = float(values.min()), float(values.max())
         if not span[0] < span[1]:
             continue
         edges = np.linspace(*span, _BINS + 1)
         pushes = np.zeros((_BINS, values.size))
-        pushes[bin_of(values, edges), np.arange(values.size)] = 1.0
+        pushes[bin_of(values, edges), np.arange(values.size)] = per_unit_k
         felt = problem.responses(base.point.baseline, base.point.effects, pushes, heated=over == "heater")
         columns = white.whitener(felt) * rows / deviation
         yield Along(
@@ -313,14 +413,23 @@ def _along(problem: ChamberProblem, base: Fit) -> Iterator[Along]:
             known=columns @ derivatives,
             covariance=covariance,
             span=span,
-            place=("heat", over, ""),
+            place=(stage, over, ""),
         )
 
 
-def _coordinates(problem: ChamberProblem, base: Fit) -> Mapping[str, FloatArray]:
-    """Return the coordinates of heat at the samples, shape (n,); the air temperature is that of the model."""
-    values = {
-        "time": problem.rows.clock_s,
-        "chamber_temp": problem.air_c(base.point.baseline, base.point.effects),
+def _coordinates(
+    problem: ChamberProblem, base: Fit
+) -> Mapping[tuple[StructureStage, str], tuple[FloatArray, FloatArray | float]]:
+    """Return stages and coordinates, each with its values and the heat per unit of a structure [K]; shapes (n,).
+
+    The air temperature is that of the model. A larger loss takes heat in proportion to the air's excess over the room.
+    """
+    rows, model = problem.rows, (base.point.baseline, base.point.effects)
+    places: dict[tuple[StructureStage, str], tuple[FloatArray, FloatArray | float]] = {
+        ("heat", "time"): (rows.clock_s, 1.0),
+        ("heat", "chamber_temp"): (problem.air_c(*model), 1.0),
     }
-    return values | ({"heater": problem.rows.drive} if problem.rows.kind == "power" else {})
+    if rows.kind == "power":
+        places["heat", "heater"] = rows.drive, 1.0
+        places["loss", "time"] = rows.clock_s, -problem.excess_c(*model)
+    return places

@@ -66,6 +66,7 @@ _HINTS: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("torque", "acceleration"): ("play or twist between motor and encoder", "an amplifier at its limit"),
     ("heat", "time"): ("a device or a lamp that is switched", "a compressor or a vent that opens", "a door"),
     ("heat", "chamber_temp"): ("water that freezes, melts or evaporates", "a vent or a damper that opens by itself"),
+    ("loss", "time"): ("a door or a lid that was opened and closed", "a fan that ran for a while"),
     ("heat", "heater"): ("a heater that does not switch on at once", "a fuse or a phase that is missing"),
 }
 _MOST_OF_IT = 0.8

@@ -29,6 +29,9 @@ class Truth:
     drift_c_per_hour: float = 0.0
     door_s: float = math.inf
     door: float = 0.0
+    opened_s: tuple[tuple[float, float], ...] = ()
+    """From when to when the lid is open [s]; the loss is then `opened` times as large."""
+    opened: float = 1.0
     curvature: float = 0.0
     draught: float = 0.02
     """Deviation of the disturbance, K/√s."""
@@ -57,6 +60,7 @@ def chamber_channels(truth: Truth, seed: int, *, seconds: float = 1300.0) -> dic
         heat = power if truth.second_lag_s == 0.0 else heat + _STEP_S * (power - heat) / truth.second_lag_s
         room = ROOM_C + truth.drift_c_per_hour * t / 3600.0
         loss = (1.0 - truth.radiation) * (air - room) * (1.0 + truth.door * (t > truth.door_s))
+        loss *= truth.opened if any(begin < t < end for begin, end in truth.opened_s) else 1.0
         loss += truth.radiation * ((air + 273.15) ** 4 - (room + 273.15) ** 4) / (4 * 300.0**3)
         loss += truth.store * (air - wall) - truth.extra(t, air)
         wall += _STEP_S * (air - wall) / truth.store_s

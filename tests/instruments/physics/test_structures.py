@@ -83,7 +83,7 @@ def test_the_name_of_a_structure_says_all_of_it(shape: str) -> None:
         assert made.says().endswith(".")
 
 
-@pytest.mark.parametrize("stage", ["torque", "heat"])
+@pytest.mark.parametrize("stage", ["torque", "heat", "loss"])
 def test_what_acts_on_another_part_is_refused_where_effects_of_a_gyro_are_made(stage: str) -> None:
     with pytest.raises(UsageError, match=f"'step_of_{stage}_over_time': there is no such effect"):
         make_effects({f"step_of_{stage}_over_time": {"at": 1.0, "change": 0.01, "width": 0.1}})

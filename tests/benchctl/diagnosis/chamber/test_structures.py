@@ -59,6 +59,23 @@ def test_a_lamp_that_is_on_for_a_while_is_modelled_beside_a_second_lag() -> None
     assert model.parameters["length"].value == pytest.approx(300.0, abs=20.0)
 
 
+def test_a_lid_that_is_opened_twice_is_modelled_as_two_times_of_a_larger_loss() -> None:
+    truth = Truth(opened_s=((420.0, 480.0), (1000.0, 1070.0)), opened=12.0, second_lag_s=25.0)
+    every_2_s = {name: values[::4] for name, values in chamber_channels(truth, 5).items()}
+    found = diagnose(recording_of(every_2_s), part="chamber")
+    assert [one.effect for one in found.findings] == ["second_lag"]
+    assert [one.identifier for one in found.unexplained.models] == [
+        "plateau_of_loss_over_time",
+        "plateau_of_loss_over_time_2",
+    ]
+    for model, (begin_s, end_s) in zip(found.unexplained.models, truth.opened_s, strict=True):
+        at_s, lasts_s = (model.parameters[name].value for name in ("at", "length"))
+        assert (at_s, at_s + lasts_s) == pytest.approx((begin_s, end_s), abs=10.0)
+        assert model.parameters["change"].value == pytest.approx(truth.opened - 1.0, rel=0.3)
+    assert "times as large" in found.unexplained.says
+    assert found.fit.heldout_after < 0.2 * found.fit.heldout_before
+
+
 def test_a_heater_that_weakens_above_a_power_is_a_kink_and_not_a_curvature(tmp_path: Path) -> None:
     trial = drawn(104, 13, "chamber-structure")
     truth = trial.effects["kink_of_heat_over_heater"]
