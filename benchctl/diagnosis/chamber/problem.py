@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.optimize
+import scipy.optimize  # scipy.signal is loaded on first use
 
 from benchctl.diagnosis.chamber.rows import DRIVES, ChamberRows, chamber_rows_of
 from benchctl.diagnosis.faults.fault import Fault
@@ -47,8 +47,14 @@ _EDGE = 1.0 / 40.0
 """Share of a run next to its ends in which a change of the loss is confused with the air's start or hardly visible."""
 _OFFSET_SHARE, _LEAST_OFFSET_K = 0.5, 10.0
 _START_K, _START_STEPS = 2.0, 10.0
+_LAG_SHARE = 0.03
+"""A lag of moderate size, as a share of the recording."""
+_NO_GAIN = 1e-6
+"""Share of the largest gain below which the heater of a model has no effect."""
+_TYPICAL = 0.1
+"""Deviation of a typical increment from the model, relative to the median increment."""
 _MUCH = 0.05
-"""Share of the air's range that a model misses, above which a remark says so."""
+"""Share of the air's range that a model misses, above which a disturbance of the air is not a sufficient cause."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,18 +210,20 @@ class ChamberProblem(MadeOfRows):
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
         """Return remarks on the residuals [K] before and after, shape (m,)."""
         used, held = self.usable, self.usable & heldout
-        compared = (
+        return (
             "Compared is the air, the simulation running freely from its start: it misses by"
             f" {_rms(before[used]):.3g} K rms before and {_rms(after[used]):.3g} K after, on the pieces held out by"
-            f" {_rms(before[held]):.3g} K and {_rms(after[held]):.3g} K."
+            f" {_rms(before[held]):.3g} K and {_rms(after[held]):.3g} K.",
         )
-        share = _rms(after[used]) / self.full_scale
+
+    def much_missed(self, residual: FloatArray) -> str:
+        """Return a sentence if a model misses much of the air's range; empty if it does not. `residual` [K] is (m,)."""
+        share = _rms(residual[self.usable]) / self.full_scale
         if share < _MUCH:
-            return (compared,)
+            return ""
         return (
-            compared,
-            f"What the simulation misses, {100.0 * share:.2g} % of the air's range, is attributed to a disturbance"
-            " of the air; something that happened during the recording, or an effect without a name, may be missing.",
+            f"The simulated air misses {100.0 * share:.2g} % of its range. This is taken as a disturbance of the air;"
+            " something that happened during the recording, or an effect without a name, may be its cause."
         )
 
     def starts(
@@ -223,11 +231,15 @@ class ChamberProblem(MadeOfRows):
     ) -> Iterator[tuple[FloatArray, DescribedEffect]]:
         """Yield each effect that the model lacks, of moderate size, with a baseline (p,) to start a fit.
 
-        An ambient temperature at a bound, where an absent effect may have driven it, restarts at mid-range. For an
+        An ambient temperature at a bound, where an absent effect may have driven it, restarts at mid-range, and a
+        baseline whose heater has no effect restarts with values that most increments of the temperature have. For an
         effect with many sizes, the sizes with the smallest misfit are used. If the loss before some moment differs,
         gain and time constant are scaled so that the air before it does not change.
         """
         present = {effect.identifier for effect in effects}
+        gain = self.baseline_names[0]
+        if gain.startswith("gain") and abs(baseline[0]) < _NO_GAIN * self.bounds[gain][1]:
+            baseline = _by_increments(self, baseline, _LAG_SHARE * _lasting_s(self.rows))
         if "ambient_c" in self.baseline_names:
             place = self.baseline_names.index("ambient_c")
             if baseline[place] in self.bounds["ambient_c"]:  # a fit sets it exactly to the bound
@@ -387,6 +399,30 @@ def _estimated(problem: ChamberProblem) -> FloatArray:
     return best
 
 
+def _by_increments(problem: ChamberProblem, baseline: FloatArray, lag_s: float) -> FloatArray:
+    """Return the baseline (p,) that most increments of the temperature have, whatever happened in a few of them.
+
+    The heat arrives after a lag, which many heaters have; without one its effect would be taken for such an event.
+    """
+    rows, used = problem.rows, problem.usable
+    slope = np.concatenate([np.gradient(rows.temperature_c[part]) / problem.interval_s for part in rows.stretches])
+    share = -math.expm1(-rows.interval_s / lag_s)
+    heat = np.concatenate([scipy.signal.lfilter([share], [1.0, share - 1.0], rows.drive[run]) for run in rows.runs])
+    columns = np.stack([rows.means(heat), -rows.temperature_c, np.ones(slope.size)], axis=1)[used]
+    size = np.maximum(np.abs(columns).max(axis=0), 1e-12)
+    about = float(np.median(np.abs(slope[used]))) or 1.0
+
+    def missed(values: FloatArray) -> FloatArray:
+        return np.asarray((columns @ (values / size) - slope[used] / about) / _TYPICAL)
+
+    found = scipy.optimize.least_squares(missed, np.zeros(3), loss="cauchy").x * about / size
+    tau_s = 1.0 / found[1] if found[1] > 0.0 else _lasting_s(rows)
+    guess = {problem.baseline_names[0]: found[0] * tau_s, "tau_s": tau_s, "ambient_c": found[2] * tau_s}
+    values = [guess.get(name, value) for name, value in zip(problem.baseline_names, baseline.tolist(), strict=True)]
+    bounds = [problem.bounds[name] for name in problem.baseline_names]
+    return np.array([min(max(value, low), high) for value, (low, high) in zip(values, bounds, strict=True)])
+
+
 def _baseline_bounds(rows: ChamberRows) -> dict[str, tuple[float, float]]:
     """Return bounds by name: what physics allows and what a recording of this length can show.
 
@@ -443,7 +479,7 @@ def _fair_sizes(rows: ChamberRows) -> Mapping[str, tuple[Mapping[str, float], ..
     lasts_s = _lasting_s(rows)
     fair_drift = min(0.1 * float(np.ptp(rows.temperature_c[rows.usable])) * 3600.0 / lasts_s, 0.5 * _FASTEST_DRIFT)
     return {
-        "second_lag": ({"tau_s": 0.03 * lasts_s},),
+        "second_lag": ({"tau_s": _LAG_SHARE * lasts_s},),
         "dead_time": ({"delay_s": 0.02 * lasts_s},),
         "heat_store": ({"capacity": 0.3, "tau_s": 0.1 * lasts_s}, {"capacity": 1.0, "tau_s": 0.3 * lasts_s}),
         "exchange": ({"rate_per_s": 10.0 / lasts_s},),

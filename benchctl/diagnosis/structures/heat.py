@@ -378,14 +378,9 @@ def _fitted(problem: ChamberProblem, begun: _Begun) -> _Candidate | None:
 
 
 def _needless(problem: ChamberProblem, fitted: Fit) -> set[int]:
-    """Return the indices of the effects at a bound or, if there are none, of those that are not significant.
-
-    The errors are estimated from the scatter between steps. An opening lies within one or two, so this says nothing.
-    """
-    effects = fitted.point.effects
-    at_bounds = {place for place, one in enumerate(effects) if stuck(one)}
-    openings = {place for place, one in enumerate(effects) if isinstance(one, Structure) and _are_openings((one,))}
-    return at_bounds or may_be_nothing(problem, with_disturbance(problem, fitted)) - openings
+    """Return the indices of the effects at a bound or, if there are none, of those that are not significant."""
+    at_bounds = {place for place, one in enumerate(fitted.point.effects) if stuck(one)}
+    return at_bounds or may_be_nothing(problem, with_disturbance(problem, fitted))
 
 
 def _along(problem: ChamberProblem, base: Fit) -> Iterator[Along]:

@@ -189,6 +189,10 @@ def _of_heat(
     """Do the same for a chamber's heat, which several named effects may imitate."""
     found = heat_modelled(problem, chosen, left=unexplained.significant, seed=seed)
     if found is None or found.chosen.named is None:
+        missed = problem.much_missed(chosen.after.residual)
+        if missed and not unexplained.significant:
+            share = float(np.sum(chosen.after.residual**2) / np.sum(chosen.before.residual**2))
+            unexplained = Unexplained(significant=True, share=min(share, 1.0), coordinates=("time",), says=missed)
         return chosen, unexplained, owed
     rest = left_beside(problem, found.chosen.named)
     return found.chosen, _stated(problem, found, rest, _share(chosen, found)), owed

@@ -76,6 +76,14 @@ def test_a_lid_that_is_opened_twice_is_modelled_as_two_times_of_a_larger_loss() 
     assert found.fit.heldout_after < 0.2 * found.fit.heldout_before
 
 
+def test_a_chamber_that_is_opened_too_often_for_the_search_is_not_said_to_agree_with_its_model() -> None:
+    truth = Truth(opened_s=tuple((at, at + 50.0) for at in (150.0, 400.0, 640.0, 1000.0)), opened=15.0)
+    every_4_s = {name: values[::8] for name, values in chamber_channels(truth, 6).items()}
+    found = diagnose(recording_of(every_4_s), part="chamber")
+    assert found.unexplained.significant
+    assert found.unexplained.says
+
+
 def test_a_heater_that_weakens_above_a_power_is_a_kink_and_not_a_curvature(tmp_path: Path) -> None:
     trial = drawn(104, 13, "chamber-structure")
     truth = trial.effects["kink_of_heat_over_heater"]
