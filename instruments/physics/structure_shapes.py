@@ -16,6 +16,7 @@ from benchctl_instruments.physics.structure_places import ACTS, OVER, Span, Stru
 EDGE = 0.01
 """Width of a plateau's edges relative to its length; sharp edges could not be fitted."""
 _MANIFOLD = 2.0
+"""Increase of a share above which it is stated as a factor."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

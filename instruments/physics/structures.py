@@ -116,6 +116,11 @@ class Structure(PhysicalEffect):
         return len(SHAPES[self.shape].ends) > 1
 
     @property
+    def is_opening(self) -> bool:
+        """Whether it changes a chamber's loss: a door or a lid that is open for a time."""
+        return self.acts_on == "loss"
+
+    @property
     def is_stepped(self) -> bool:
         """Whether it has steps, each with a width."""
         return self.shape in ("step", "step_below", "steps")
@@ -203,7 +208,7 @@ def pushed(
     at_c = np.linspace(*reach_c, _TABULATED)
     of_air, push_c, drive, loss = np.zeros_like(at_c), np.zeros_like(clock_s), signals.drive, signals.loss
     for one in structures:
-        if one.acts_on == "loss":
+        if one.is_opening:
             loss = loss * np.maximum(1.0 + _mean_at(one, clock_s, signals.interval_s), 0.0)
         elif one.over == "chamber_temp":
             of_air += one.value_at(at_c)

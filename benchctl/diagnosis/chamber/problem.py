@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.optimize  # scipy.signal is loaded on first use
+import scipy.optimize
 
 from benchctl.diagnosis.chamber.rows import DRIVES, ChamberRows, chamber_rows_of
 from benchctl.diagnosis.faults.fault import Fault
@@ -23,7 +23,7 @@ from benchctl_instruments.physics.chamber_effects.air import air_c, forgetting
 from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-from benchctl_instruments.physics.structures import Structure, pushed
+from benchctl_instruments.physics.structures import Structure, lagged, pushed
 
 _STAGES = ("loss", "source", "transport")
 """Order of the effects: the state before a run depends on its losses, and a transport starts from that state."""
@@ -181,11 +181,10 @@ class ChamberProblem(MadeOfRows):
                 column[:] = air_c(signals, 0.0, 1.0, numbers["tau_s"])
         return np.stack([rows.means(one) for one in air])
 
-    def excess_c(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """Return the excess of the simulated air over the room [K] at the samples, shape (n,)."""
+    def room_c(self, baseline: FloatArray) -> FloatArray:
+        """Return the room of a model [°C] at the samples, shape (n,)."""
         numbers = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
-        room_c = [self._signals(run, numbers).room_c for run in self.rows.runs]
-        return self.air_c(baseline, effects) - np.concatenate(room_c)
+        return np.concatenate([self._signals(run, numbers).room_c for run in self.rows.runs])
 
     @property
     def has_second(self) -> bool:
@@ -239,7 +238,7 @@ class ChamberProblem(MadeOfRows):
         present = {effect.identifier for effect in effects}
         gain = self.baseline_names[0]
         if gain.startswith("gain") and abs(baseline[0]) < _NO_GAIN * self.bounds[gain][1]:
-            baseline = _by_increments(self, baseline, _LAG_SHARE * _lasting_s(self.rows))
+            baseline = _by_increments(self, baseline)
         if "ambient_c" in self.baseline_names:
             place = self.baseline_names.index("ambient_c")
             if baseline[place] in self.bounds["ambient_c"]:  # a fit sets it exactly to the bound
@@ -399,15 +398,16 @@ def _estimated(problem: ChamberProblem) -> FloatArray:
     return best
 
 
-def _by_increments(problem: ChamberProblem, baseline: FloatArray, lag_s: float) -> FloatArray:
+def _by_increments(problem: ChamberProblem, baseline: FloatArray) -> FloatArray:
     """Return the baseline (p,) that most increments of the temperature have, whatever happened in a few of them.
 
     The heat arrives after a lag, which many heaters have; without one its effect would be taken for such an event.
     """
-    rows, used = problem.rows, problem.usable
+    rows, used, lasts_s = problem.rows, problem.usable, _lasting_s(problem.rows)
     slope = np.concatenate([np.gradient(rows.temperature_c[part]) / problem.interval_s for part in rows.stretches])
-    share = -math.expm1(-rows.interval_s / lag_s)
-    heat = np.concatenate([scipy.signal.lfilter([share], [1.0, share - 1.0], rows.drive[run]) for run in rows.runs])
+    heat = np.concatenate(
+        [lagged(rows.drive[run], rows.run_s[run], rows.interval_s, _LAG_SHARE * lasts_s)[0] for run in rows.runs]
+    )
     columns = np.stack([rows.means(heat), -rows.temperature_c, np.ones(slope.size)], axis=1)[used]
     size = np.maximum(np.abs(columns).max(axis=0), 1e-12)
     about = float(np.median(np.abs(slope[used]))) or 1.0
@@ -416,7 +416,7 @@ def _by_increments(problem: ChamberProblem, baseline: FloatArray, lag_s: float) 
         return np.asarray((columns @ (values / size) - slope[used] / about) / _TYPICAL)
 
     found = scipy.optimize.least_squares(missed, np.zeros(3), loss="cauchy").x * about / size
-    tau_s = 1.0 / found[1] if found[1] > 0.0 else _lasting_s(rows)
+    tau_s = 1.0 / found[1] if found[1] > 0.0 else lasts_s
     guess = {problem.baseline_names[0]: found[0] * tau_s, "tau_s": tau_s, "ambient_c": found[2] * tau_s}
     values = [guess.get(name, value) for name, value in zip(problem.baseline_names, baseline.tolist(), strict=True)]
     bounds = [problem.bounds[name] for name in problem.baseline_names]

@@ -187,10 +187,12 @@ def may_be_nothing(problem: PartProblem, fitted: Fit) -> set[int]:
         ]
         for place, effect in enumerate(fitted.point.effects)
     ]
-    openings = {
-        place for place, one in enumerate(fitted.point.effects) if isinstance(one, Structure) and one.acts_on == "loss"
-    }
-    return {place for place, small in enumerate(sizes) if small and all(small)} - openings
+    nothing = {place for place, small in enumerate(sizes) if small and all(small)}
+    return {place for place in nothing if not _is_opening(fitted.point.effects[place])}
+
+
+def _is_opening(effect: DescribedEffect) -> bool:
+    return isinstance(effect, Structure) and effect.is_opening
 
 
 def _may_be_zero(parameter: Parameter, value: float, half: float) -> bool:

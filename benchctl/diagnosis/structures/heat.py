@@ -144,10 +144,9 @@ class _Judged:
         """
         openings = _openings(candidates)
         others = [one for one in candidates if not _are_openings(one.structures)]
-        opened_first = _least(openings) < _least(others)
-        for are_openings in (opened_first, not opened_first):
-            found = self._better(chosen, openings if are_openings else others, score, least)
-            if are_openings and found is not None and not found.may_be:
+        for some in sorted((others, openings), key=_least):
+            found = self._better(chosen, some, score, least)
+            if some is openings and found is not None and not found.may_be:
                 found = self._opened_again(found)
             if found is not None and found.may_be:
                 return found
@@ -240,7 +239,7 @@ def _openings(candidates: list[_Candidate]) -> list[_Candidate]:
 
 def _are_openings(structures: tuple[Structure, ...]) -> bool:
     """Return whether all structures are times during which the air loses more heat, or less."""
-    return all(one.acts_on == "loss" for one in structures)
+    return all(one.is_opening for one in structures)
 
 
 def _is_more_specific(structure: Structure, effect: DescribedEffect) -> bool:
@@ -419,12 +418,13 @@ def _coordinates(
 
     The air temperature is that of the model. A larger loss takes heat in proportion to the air's excess over the room.
     """
-    rows, model = problem.rows, (base.point.baseline, base.point.effects)
+    rows, numbers = problem.rows, base.point.baseline
+    air_c = problem.air_c(numbers, base.point.effects)
     places: dict[tuple[StructureStage, str], tuple[FloatArray, FloatArray | float]] = {
         ("heat", "time"): (rows.clock_s, 1.0),
-        ("heat", "chamber_temp"): (problem.air_c(*model), 1.0),
+        ("heat", "chamber_temp"): (air_c, 1.0),
     }
     if rows.kind == "power":
         places["heat", "heater"] = rows.drive, 1.0
-        places["loss", "time"] = rows.clock_s, -problem.excess_c(*model)
+        places["loss", "time"] = rows.clock_s, problem.room_c(numbers) - air_c
     return places
