@@ -70,11 +70,15 @@ class Column(_Table):
 
 
 class AngleColumn(Column):
-    """The angle of the table; the sign is -1 if it counts clockwise."""
+    """The angle of the table; the sign is -1 if it counts clockwise.
 
-    known: ClassVar[Mapping[str, units.Conversion]] = units.ANGLE
+    Where the file has the encoder's rate instead, in a unit of rate, the angle is its sum: each value is the mean rate
+    since the row before.
+    """
 
-    unit: Annotated[str, _known_in(units.ANGLE, units.COUNTS)]
+    known: ClassVar[Mapping[str, units.Conversion]] = {**units.ANGLE, **units.RATE}
+
+    unit: Annotated[str, _known_in(units.ANGLE, units.COUNTS, *units.RATE)]
     counts_per_rev: float | None = Field(default=None, gt=0)
 
     @model_validator(mode="after")
@@ -82,6 +86,11 @@ class AngleColumn(Column):
         if self.unit == units.COUNTS and self.counts_per_rev is None:
             raise ValueError("an angle in counts needs counts_per_rev")
         return self
+
+    @property
+    def is_rate(self) -> bool:
+        """Whether the file has the rate of the encoder."""
+        return self.unit in units.RATE
 
     @property
     def unit_conversion(self) -> units.Conversion:

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchctl.limits import HIGHEST_RATE_HZ
 from benchctl.recordings import units
-from benchctl.recordings.column_map import TIME, ColumnMap, RawColumns, TimeEntry, converted
+from benchctl.recordings.column_map import TIME, AngleColumn, ColumnMap, RawColumns, TimeEntry, converted
 from benchctl.recordings.import_open import Description
 from benchctl.recordings.model import BenchFacts, Meta, Step, Unit
 from benchctl.recordings.stamps import (
@@ -52,7 +52,10 @@ def build_recording(
     channels: dict[str, FloatArray] = {TIME: base.time_s}
     for name, entry in entries.items():
         values = converted(raw, name, entry)
-        channels[name] = _place_angle(base, values) if name == "encoder_deg" else base.place(values)
+        if isinstance(entry, AngleColumn):
+            channels[name] = _summed(base, values) if entry.is_rate else _place_angle(base, values)
+        else:
+            channels[name] = base.place(values)
     if base.filled.any():
         channels[FILLED] = base.filled.astype(np.float64)
     steps = cut_into_steps(
@@ -62,7 +65,11 @@ def build_recording(
         where=lambda k: f"{map_name}, steps[{k}]",
         starts=base.starts,
     )
-    extra: dict[str, Any] = {"channel_units": {name: entry.conversion.cf for name, entry in entries.items()}}
+    extra: dict[str, Any] = {
+        "channel_units": {
+            name: "degree" if isinstance(entry, AngleColumn) else entry.conversion.cf for name, entry in entries.items()
+        }
+    }
     extra |= {part: table for part in ("drive", "chamber") if (table := getattr(mapping, part))}
     if FILLED in channels:
         extra["channel_units"][FILLED] = "1"
@@ -158,6 +165,15 @@ def _place_angle(base: TimeBase, angle_deg: FloatArray) -> FloatArray:
     if base.filled.any():
         angle_deg = np.unwrap(angle_deg, period=360.0)
     return np.mod(base.place(angle_deg), 360.0)
+
+
+def _summed(base: TimeBase, rate_dps: FloatArray) -> FloatArray:
+    """Return the angle that an encoder's mean rates since the row before add up to, in 0…360, 0 before each stretch."""
+    placed = base.place(rate_dps)
+    usual_s = 1.0 / base.rate_hz if base.rate_hz else 0.0
+    lasted_s = np.diff(base.time_s, prepend=base.time_s[0] - usual_s)
+    lasted_s[list(base.starts)] = usual_s
+    return np.mod(np.cumsum(placed * lasted_s), 360.0)
 
 
 def _told(base: TimeBase, raw: RawColumns, entry: TimeEntry) -> str:

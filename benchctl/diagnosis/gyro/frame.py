@@ -113,7 +113,8 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
     if not steps:
         raise UsageError(
             f"{recording.path}: a diagnosis needs steps with the channels {', '.join(NEEDED)} in one scan;"
-            f" it has {channels_of(recording)}"
+            f" it has {channels_of(recording)}."
+            " An encoder's rate becomes its angle where a map imports it as encoder_deg"
         )
     columns = {name: np.concatenate([step[name] for step in steps]) for name in NEEDED}
     time_s = columns["time_s"]

@@ -97,6 +97,21 @@ def test_a_fill_goes_along_the_turn_and_not_across_the_wrap(tmp_path: Path) -> N
     assert meta.extra["channel_units"]["filled"] == "1"
 
 
+def test_the_rate_of_an_encoder_adds_up_to_its_angle(tmp_path: Path) -> None:
+    turns = np.array([0.0, 10.0, 350.0, 20.0, -30.0]) / 6.0  # rpm, each over the 100 ms before
+    source = tmp_path / "rates.csv"
+    source.write_text("\n".join(["turning,volts", *[f"{turn:.9f},0.1" for turn in turns]]))
+    mapping = tmp_path / "map.toml"
+    mapping.write_text(
+        '[unit]\nserial = "A"\n[time]\nrate_hz = 10\n'
+        '[channels.encoder_deg]\ncolumn = "turning"\nunit = "rpm"\nsign = -1\n'
+        '[channels.gyro_v]\ncolumn = "volts"\nunit = "V"\n'
+    )
+    meta, (step,) = read_foreign(source, mapping)
+    assert step["encoder_deg"] == pytest.approx([0.0, 359.0, 324.0, 322.0, 325.0])
+    assert meta.extra["channel_units"]["encoder_deg"] == "degree"
+
+
 def test_kept_stamps_are_not_called_uniform(tmp_path: Path) -> None:
     meta, (step,) = read_foreign(*table(tmp_path, [0, 10, 25, 26, 60], time='stamps = "keep"'))
     assert step["time_s"].tolist() == [0.0, 0.01, 0.025, 0.026, 0.06]
