@@ -47,7 +47,7 @@ def faults_in(
         foretold=foretold,
         stretches=stretches,
         step_v=max(grid.step_v, _LEAST_STEP_V),
-        noise_v=quiet_noise_v(residual, interval_s, grid.step_v),
+        noise_v=quiet_noise_v(residual, predicted, interval_s, grid.step_v),
     )
     runs = standing_runs(output)
     rail, at_rail = rail_in(output, runs)
@@ -61,21 +61,31 @@ def faults_in(
 
 
 _WINDOW_S = 1.0
+_INNER = 0.4
+"""Distance from the middle of the prediction's range, over the range, within which no rail is expected."""
 _QUIETEST = 0.1
 """Share of windows that may be quieter: those in which the output is held or at a rail."""
 
 
-def quiet_noise_v(residual: FloatArray, interval_s: float, step_v: float) -> float:
+def quiet_noise_v(residual: FloatArray, predicted: FloatArray, interval_s: float, step_v: float) -> float:
     """Return a lower estimate of the noise deviation before the converter [V]; 0 if its steps hide the noise.
 
     It is a low quantile of the differences of successive residuals (n,) in windows of one second. Slow model errors
     have no influence; fast ones make windows louder. Rounding adds step²/12 if noise or motion exceed a step; quieter
-    windows show stairs.
+    windows show stairs. Windows in which the prediction (n,) rests, far from where a rail may be, have a quantile of
+    their own: noise that only motion makes says nothing about equal values at rest.
     """
     window = max(2, round(_WINDOW_S / interval_s))
     windows = residual.size // window
     if windows == 0:
         return 0.0
-    changes = np.diff(residual[: windows * window].reshape(windows, window), axis=1)
-    variance = float(np.quantile(np.mean(changes**2, axis=1), _QUIETEST)) / 2.0
-    return math.sqrt(max(variance - step_v**2 / 12.0, 0.0))
+
+    def by_window(values: FloatArray) -> FloatArray:
+        return values[: windows * window].reshape(windows, window)
+
+    power = np.mean(np.diff(by_window(residual), axis=1) ** 2, axis=1)
+    low, high = np.nanquantile(predicted, [0.0, 1.0])
+    inner = np.abs(by_window(predicted).mean(axis=1) - 0.5 * (low + high)) < _INNER * (high - low)
+    rests = (np.ptp(by_window(predicted), axis=1) < step_v / 2.0) & inner
+    quietest = min(float(np.quantile(one, _QUIETEST)) for one in (power, power[rests]) if one.size)
+    return math.sqrt(max(quietest / 2.0 - step_v**2 / 12.0, 0.0))

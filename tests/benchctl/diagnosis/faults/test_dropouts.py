@@ -68,6 +68,18 @@ def test_a_few_equal_values_are_no_hold_where_a_moving_output_often_repeats_one(
     assert often.faults(adc_step_v=step_v).found == ()
 
 
+def test_an_output_printed_coarsely_that_repeats_at_rest_before_a_noisy_motion_is_not_held() -> None:
+    step_v = 0.01
+    swing = 0.5 * np.sin(2 * np.pi * 0.5 * INTERVAL_S * np.arange(2000))
+    predicted = np.concatenate([np.zeros(230), swing])
+    noise = np.concatenate([np.zeros(230), 0.02 * np.random.default_rng(1).standard_normal(swing.size)])
+    printed = Made(predicted=predicted, volts=np.round(predicted + noise, 2))
+    assert printed.faults(adc_step_v=step_v).found == ()
+    held = printed.held([900, 1500], 25).faults(adc_step_v=step_v)
+    assert [one.effect for one in held.found] == ["dropouts"]
+    assert not held.standing[:230].any()
+
+
 @pytest.mark.parametrize("late", [-1, 1])
 def test_a_coarse_output_that_is_late_or_early_stands_not_still(late: int) -> None:
     coarse = made(step_v=STEP_V * 32, noise_v=2e-4)
