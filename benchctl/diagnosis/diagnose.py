@@ -93,7 +93,7 @@ def _diagnosis(
     chosen, unexplained, notes = _attributed(problem, chosen, rounding_v2=rounding_v2, spikes=spikes, seed=seed)
     chosen = without_nothing(problem, chosen)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
-    findings = tuple(finding_in(one, problem.unit) for one in found)
+    findings = tuple(finding_in(one, problem.unit, part) for one in found)
     unexplained = unexplained_in(unexplained, problem.unit, part)
     if len(problem.step_names) > len(recording.infos):
         unexplained = pieces_in_time(unexplained)
@@ -113,7 +113,7 @@ def _diagnosis(
         fit=figures_of(problem, chosen),
         next_experiment=next_of(problem, chosen, findings, unexplained, recording.meta, told),
         not_found=tuple(
-            not_found_in(one, problem.unit)
+            not_found_in(one, problem.unit, part)
             for one in not_found_of(problem, chosen, names | tried, unexplained=unexplained.significant)
         ),
         slices=slices_of(problem, chosen),

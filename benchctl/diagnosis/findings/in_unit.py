@@ -13,27 +13,27 @@ from benchctl.diagnosis.result import Estimate, Finding, NotFound, Part, Unexpla
 
 _VOLTS = re.compile(r"([-+±]?)(\d[\d.]*(?:e[-+]?\d+)?) ?(mV|µV|V)\b")
 _FACTORS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6}
-_OWN = ("V", "N m", "K")
-"""Units that effects use in their sentences and parameters."""
+_OWN: Mapping[Part, str] = {"gyro": "V", "drive": "N m", "chamber": "K"}
+"""Units that the effects of a part use in their sentences and parameters."""
 _OUTPUTS = {"drive": "the torque", "chamber": "the air's temperature"}
 
 
-def finding_in(one: Finding, unit: str) -> Finding:
+def finding_in(one: Finding, unit: str, part: Part) -> Finding:
     """Return a finding with its sentence and parameters in `unit` instead of volts or newton metres."""
-    if unit in _OWN:
+    if unit == _OWN[part]:
         return one
     return replace(one, says=text_in(one.says, unit), parameters=estimates_in(one.parameters, unit))
 
 
-def not_found_in(one: NotFound, unit: str) -> NotFound:
+def not_found_in(one: NotFound, unit: str, part: Part) -> NotFound:
     """Return an effect not found with its size in `unit`."""
-    return one if unit in _OWN else replace(one, unit=unit_in(one.unit, unit))
+    return one if unit == _OWN[part] else replace(one, unit=unit_in(one.unit, unit))
 
 
 def unexplained_in(one: Unexplained, unit: str, part: Part) -> Unexplained:
     """Return the unexplained part in `unit`; for a drive or chamber with "offset" for "bias" and its own output."""
     one = replace(one, says=said_of(one.says, part))
-    if unit in _OWN:
+    if unit == _OWN[part]:
         return one
     models = tuple(
         replace(model, says=text_in(model.says, unit), parameters=estimates_in(model.parameters, unit))
@@ -70,5 +70,5 @@ def text_in(said: str, unit: str) -> str:
 
 def unit_in(stated: str, unit: str) -> str:
     """Return a parameter's unit with leading volts or torque replaced by `unit`; a supply's volts are unchanged."""
-    own = next((one for one in _OWN if f"{stated} ".startswith(f"{one} ")), None)
+    own = next((one for one in _OWN.values() if f"{stated} ".startswith(f"{one} ")), None)
     return stated if own is None else unit + stated.removeprefix(own)

@@ -4,8 +4,15 @@ import re
 
 import pytest
 
-from benchctl.diagnosis.findings.in_unit import estimates_in, pieces_in_time, text_in, unexplained_in, unit_in
-from benchctl.diagnosis.result import Estimate, Unexplained
+from benchctl.diagnosis.findings.in_unit import (
+    estimates_in,
+    finding_in,
+    pieces_in_time,
+    text_in,
+    unexplained_in,
+    unit_in,
+)
+from benchctl.diagnosis.result import Estimate, Finding, Unexplained, Where
 from benchctl_instruments.physics.effects.registry import effects
 
 
@@ -30,6 +37,23 @@ def test_no_effect_speaks_of_volts_of_a_digital_gyro_but_of_its_supply(name: str
 def test_sizes_keep_their_value(said: str, told: str) -> None:
     # "to 3 V": of two numbers the last has the unit
     assert text_in(said, "°/s") == told
+
+
+def test_the_friction_of_a_motor_whose_voltage_was_recorded_is_in_volts() -> None:
+    friction = Finding(
+        effect="coulomb_friction",
+        probability=1.0,
+        parameters={"coulomb_nm": Estimate(value=0.3, low=0.2, high=0.4, unit="N m")},
+        where=Where(coordinate="rate_sign", ranges=(), steps=(), share_of_excess=1.0),
+        explains=1.0,
+        gain=100.0,
+        gain_heldout=50.0,
+        says="Dry (Coulomb) friction of 0.3 N·m works against the motion.",
+    )
+    told = finding_in(friction, "V", "drive")
+    assert told.says == "Dry (Coulomb) friction of 0.3 V works against the motion."
+    assert told.parameters["coulomb_nm"].unit == "V"
+    assert finding_in(friction, "N m", "drive") == friction
 
 
 def test_values_stay_and_units_follow() -> None:
