@@ -21,15 +21,16 @@ from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.next_run.left_open import next_of
 from benchctl.diagnosis.parts import problem_of
 from benchctl.diagnosis.quantization import unrounded, without_the_steps_own
-from benchctl.diagnosis.residual.attribution import named
+from benchctl.diagnosis.residual.attribution import NOTHING, named
 from benchctl.diagnosis.result import Diagnosis, Part, Unexplained
 from benchctl.diagnosis.search.scans import swinging_hz
-from benchctl.diagnosis.search.select import select, select_between, without_nothing
+from benchctl.diagnosis.search.select import Search, select, select_between, without_nothing
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.search.subsets import select_subset
 from benchctl.diagnosis.stepped import PartProblem
+from benchctl.diagnosis.structures.search import Modelled
 from benchctl.diagnosis.structures.settled import names_do_better
-from benchctl.diagnosis.structures.stated import with_structures
+from benchctl.diagnosis.structures.stated import evident_structure, with_structures
 from benchctl.estimation.point import stands_at
 from benchctl.recordings.reader import Recording
 
@@ -71,11 +72,8 @@ def _diagnosis(
     step_v = coarse_step_of(problem, faults)
     rounding_v2 = step_v**2 / 12.0
     stated = problem
-    if problem.disturbed:
-        chosen = select_subset(problem, seed=seed, progress=told)
-    else:
-        problem, chosen = select_between(problem, plainly_better, seed=seed, progress=told, rounding_v2=rounding_v2)
-    settled = problem is not stated
+    problem, chosen, evident = _searched(problem, rounding_v2, faulty=bool(faults), seed=seed, told=told)
+    settled = problem is not stated or evident is not None
     for _ in range(_MOST_UNROUNDED):
         smooth = unrounded(problem, chosen, step_v)
         if smooth is None:
@@ -90,7 +88,10 @@ def _diagnosis(
     problem.forget()  # the following steps need no fast predictions
     tried = _names(chosen)
     spikes = any(fault.effect == "outliers" for fault in faults)
-    chosen, unexplained, notes = _attributed(problem, chosen, rounding_v2=rounding_v2, spikes=spikes, seed=seed)
+    if evident is None:
+        chosen, unexplained, notes = _attributed(problem, chosen, rounding_v2=rounding_v2, spikes=spikes, seed=seed)
+    else:
+        chosen, unexplained, notes = with_structures(problem, chosen, NOTHING, (), evident=evident, seed=seed)
     chosen = without_nothing(problem, chosen)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit, part) for one in found)
@@ -129,6 +130,26 @@ def _diagnosis(
         threshold=chosen.screening.threshold,
         seed=seed,
     )
+
+
+def _searched(
+    problem: PartProblem, rounding_v2: float, *, faulty: bool, seed: int, told: Callable[[str, float], None]
+) -> tuple[PartProblem, Selection, Modelled | None]:
+    """Return the problem under the better assumption, the chosen effects, and a structure if it alone suffices."""
+    if problem.disturbed:
+        return problem, select_subset(problem, seed=seed, progress=told), None
+    search = Search(problem, seed, told, rounding_v2)
+    if isinstance(problem, GyroProblem) and not (faulty or problem.is_long or swinging_hz(problem)):
+        bare = search.bare()
+        evident = None if bare is None else evident_structure(problem, bare, seed=seed)
+        if bare is not None and evident is not None:
+            after, whitener = evident.chosen.after, evident.chosen.whitener
+            if plainly_better(problem, after, whitener) is None:
+                return problem, bare, evident
+    problem, chosen = select_between(
+        problem, plainly_better, seed=seed, progress=told, rounding_v2=rounding_v2, begun=search
+    )
+    return problem, chosen, None
 
 
 def _attributed(

@@ -281,10 +281,15 @@ class GyroProblem(GyroBaseline):
             self, chain=GyroChain(chain.frame, chain.law, 0.0 if chain.earth_dps else self.earth_dps, chain.fast_dps)
         )
 
+    @property
+    def is_long(self) -> bool:
+        """Whether there are so many rows that what is obvious is searched on a part of them first."""
+        return self.frame.rows >= _MANY
+
     def thinned(self) -> Self | None:
         """Return the problem on a few seconds of many steps for a very long recording, else None."""
         one_recording = len(set(self.frame.origins_s)) == 1
-        if self.frame.rows < _MANY or self.band is not None or not one_recording:
+        if not self.is_long or self.band is not None or not one_recording:
             return None
         reach = half_of(1.0 / self.frame.interval_s)
         frame, rows = thinned(self.frame, pieces_of(self.frame, _PIECE * reach))

@@ -36,6 +36,8 @@ _MOST_REFUSED = 3
 """The search ends when so many effects have been refused because they make the prediction of held-out steps worse."""
 _HIDDEN, _PAIRS, _MOST_OF_IT = 6, 3, 0.5
 """Number of effects, not significant alone, that are paired; number of pairs fitted; share a pair must explain."""
+_MUCH, _MUCH_LEFT = 0.3, 0.3
+"""Share of the residual power beyond pure error that is much, and share of it that a single effect must leave."""
 _FIRST_LOOK = 0.1
 _SEARCHED, _EACH_ROUND = 0.9, 0.5
 """Share of a diagnosis that is the search; share of the remaining search attributed to each further screening."""
@@ -65,7 +67,7 @@ def select(
     same way each time, rounding is not noise, and an effect that explains only a small share of it is not accepted.
     """
     first = None if chosen is None else _Plain.of(chosen)
-    return _Search(problem, seed, progress, rounding_v2).run(first=first)
+    return Search(problem, seed, progress, rounding_v2).run(first=first)
 
 
 def select_between(
@@ -75,6 +77,7 @@ def select_between(
     seed: int,
     progress: Callable[[str, float], None],
     rounding_v2: float = 0.0,
+    begun: Search | None = None,
 ) -> tuple[PartProblem, Selection]:
     """Find the effects as `select` does, and choose between two assumptions about what a recording does not state.
 
@@ -83,16 +86,16 @@ def select_between(
     the search decides with all findings in the model.
 
     For very long recordings, a first search on a subset of the rows finds the obvious effects; the search on all rows
-    then confirms or drops them and finds the others.
+    then confirms or drops them and finds the others. A search that was `begun` is continued.
     """
     few = problem.thinned()
     if few is None:
-        search = _Search(problem, seed, progress, rounding_v2)
+        search = Search(problem, seed, progress, rounding_v2) if begun is None else begun
         chosen = search.run(better)
     else:
-        first = _Search(few, seed, lambda name, share: progress(name, _FIRST_LOOK * share), rounding_v2)
+        first = Search(few, seed, lambda name, share: progress(name, _FIRST_LOOK * share), rounding_v2)
         plain = first.look(better)
-        search = _Search(problem, seed, lambda name, share: progress(name, _later(share)), rounding_v2)
+        search = Search(problem, seed, lambda name, share: progress(name, _later(share)), rounding_v2)
         chosen = search.run(better, plain)
     return search.problem, chosen
 
@@ -122,7 +125,7 @@ def reduced(problem: PartProblem, chosen: Selection, keys: Collection[str]) -> S
 
 def settled_again(problem: PartProblem, chosen: Selection, fallen: Collection[Place], *, seed: int) -> Selection:
     """Return the selection after effects were withdrawn (`fallen`): drop unneeded effects, compare rivals again."""
-    return _Search(problem, seed, lambda _name, _share: None, 0.0).settle(chosen, fallen)
+    return Search(problem, seed, lambda _name, _share: None, 0.0).settle(chosen, fallen)
 
 
 def without_nothing(problem: PartProblem, chosen: Selection) -> Selection:
@@ -220,8 +223,12 @@ class _Plain:
         return _Plain(effects=effects, rivals={place_of(one): tuple(its.rivals) for one, its in evidence})
 
 
-class _Search(Models):
+class Search(Models):
     """The search: adds effects to a model, then drops and replaces them until the model no longer changes."""
+
+    _first: Fit | None = None
+    _looked: tuple[Screening, Tried | None] | None = None
+    """The model without effects, its screening, and the best model with one, where `bare` has found them."""
 
     @property
     def problem(self) -> PartProblem:
@@ -234,11 +241,29 @@ class _Search(Models):
         present, _ = self._grown(self._begun(Point(baseline=self._problem.baseline_start)), better)
         return _Plain(effects=present.point.effects, rivals=self._rivals)
 
+    def bare(self) -> Selection | None:
+        """Return the selection without effects, if much is left that no single effect explains; else None.
+
+        What was found is used again when the search is run.
+        """
+        self._stated = self._problem
+        untouched = Point(baseline=self._problem.baseline_start)
+        self._first = present = self._begun(untouched)
+        beyond = self._beyond_noise(present)
+        if beyond < _MUCH:
+            return None
+        screening = self._screened(present, (0.0, _share_done(1)))
+        self._threshold = screening.threshold
+        tried = self._best(present, screening)
+        self._looked = screening, tried
+        left = 1.0 if tried is None else self._beyond_noise(tried.fit) * (tried.fit.deviation / present.deviation) ** 2
+        return self._selection(present, untouched, screening, {}) if left > _MUCH_LEFT * beyond else None
+
     def run(self, better: Better | None = None, first: _Plain | None = None) -> Selection:
         """Find all effects, starting from those that a `first` search has found."""
         self._stated = self._problem
         untouched = Point(baseline=self._problem.baseline_start)
-        begun = self._begun(untouched)
+        begun = self._begun(untouched) if self._first is None else self._first
         if first is not None and first.effects:
             self._rivals |= first.rivals
             begun = self._pruned(self._fit(replace(begun.point, effects=first.effects)), first.effects)
@@ -264,8 +289,12 @@ class _Search(Models):
             present, evidence = self._settled(present)
         if _places(present) != looked:
             screening = self._screened(present, (_SEARCHED, _SEARCHED))
-        plain = self._noise.plain
-        before = fit(self._problem, plain, untouched, self._fitted)
+        return self._selection(present, untouched, screening, evidence)
+
+    def _selection(
+        self, present: Fit, untouched: Point, screening: Screening, evidence: Mapping[str, Evidence]
+    ) -> Selection:
+        before = fit(self._problem, self._noise.plain, untouched, self._fitted)
         return Selection(
             before=before.light,
             after=present,
@@ -331,13 +360,16 @@ class _Search(Models):
         """
         number = 0
         while True:
-            screening = self._screened(present, (_share_done(number), _share_done(number + 1)))
+            known = self._looked if present is self._first else None
+            shares = _share_done(number), _share_done(number + 1)
+            screening = self._screened(present, shares) if known is None else known[0]
             self._threshold = screening.threshold
             if number == _MOST_FINDINGS:
                 return present, screening
             number += 1
             least = self._least(present)
-            tried = self._best(present, screening)
+            tried = self._best(present, screening) if known is None else known[1]
+            self._looked = None
             rival = 0.0 if tried is None else tried.evidence
             noisy = self._noise.best(self._problem, present, least_gain=least, rival=rival)
             if noisy is not None and (tried is None or self._noise_first(present, noisy, tried, least)):

@@ -87,6 +87,20 @@ _AT_INSTANTS = ("a device that is switched", "a slipping coupling", "a knock")
 _PERIODIC = ("a controller that cycles", "a compressor", "interference")
 
 
+def evident_structure(problem: GyroProblem, bare: Selection, *, seed: int) -> Modelled | None:
+    """Return a single simple structure that explains all that a selection without effects leaves; None if none does.
+
+    Named effects together could follow it in part, and the search for such a combination takes several times as long as
+    all else. If the noise is not white beside the structure, it is not evident.
+    """
+    rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
+    found = modelled(problem, bare, rest, most=1, seed=seed) if rest.significant else None
+    if found is None or found.left.significant:
+        return None
+    noisy = found.chosen.noise.best(problem, found.chosen.after, least_gain=bare.least)
+    return found if noisy is None else None
+
+
 def with_structures(
     problem: PartProblem,
     chosen: Selection,
@@ -95,6 +109,7 @@ def with_structures(
     *,
     fallen: Collection[str] = (),
     spikes: bool = False,
+    evident: Modelled | None = None,
     seed: int,
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """Return the selection with the residual modelled, and the report on it; unchanged if no shape fits.
@@ -104,7 +119,8 @@ def with_structures(
 
     A small residual attributed to an inexact finding (`owed`) is still a structure if a shape explains it over a
     coordinate along which no finding acts. Jumps of the encoder and noise that is not constant may not be visible in
-    the residual, so they are always searched.
+    the residual, so they are always searched. An `evident` structure of the selection is not searched again, and all
+    named effects are tried with it.
     """
     if isinstance(problem, DriveProblem):
         return _of_torque(problem, chosen, unexplained, owed, seed)
@@ -112,7 +128,7 @@ def with_structures(
         return _of_heat(problem, chosen, unexplained, owed, seed)
     if not isinstance(problem, GyroProblem):
         return chosen, unexplained, owed
-    chosen, stated, owed = _of_prediction(problem, chosen, unexplained, owed, fallen, spikes, seed)
+    chosen, stated, owed = _of_prediction(problem, chosen, unexplained, owed, fallen, spikes, evident, seed)
     noisy = noise_structure(problem, chosen)
     if noisy is None:
         return chosen, stated, owed
@@ -126,13 +142,14 @@ def _of_prediction(
     owed: tuple[str, ...],
     fallen: Collection[str],
     spikes: bool,
+    evident: Modelled | None,
     seed: int,
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """Do the same for structures that change the prediction."""
     bare = chosen
     # an unrecognised spike of one row looks like a jump of the angle
-    chosen, jumps = (chosen, ()) if spikes else with_jumps(problem, chosen)
-    found = _modelled(problem, chosen, unexplained, owed, seed)
+    chosen, jumps = (chosen, ()) if spikes or evident else with_jumps(problem, chosen)
+    found = (chosen, evident) if evident else _modelled(problem, chosen, unexplained, owed, seed)
     known = _where_direction_is_known(problem, chosen, unexplained, found, seed)
     found = found if known is None else known
     between = _between_ramps(problem, found, seed)
@@ -153,7 +170,7 @@ def _of_prediction(
     if not (jumps or spikes):  # with the structures in the model, jumps may become significant
         extended, jumps = with_jumps(problem, by_shapes.chosen)
         by_shapes = replace(by_shapes, chosen=extended)
-    if instead or by_shapes.left.significant:
+    if instead or evident or by_shapes.left.significant:
         by_shapes = _named_again(problem, by_shapes, seed)
     elif fallen:
         by_shapes = _named_again(_knowing(problem, fallen, by_shapes.chosen), by_shapes, seed)
