@@ -38,6 +38,7 @@ def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) ->
     couplings = [coupling for coupling, _ in stores]
     shares = [-math.expm1(-signals.interval_s / store_tau_s) for _, store_tau_s in stores]
     temperature, stored = start_c, [start_c] * len(couplings)
+    known, share, top = math.nan, steps, last + 1.0
     air = []
     for heat, outside, loss, second_body in zip(heating, room, losses, second, strict=True):
         air.append(temperature)
@@ -48,16 +49,19 @@ def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) ->
             slope += steep
             pull += steep * temperature - radiation * (hot**4 - cold**4)
         if of_air:
-            place = min(max((temperature - lowest_c) / apart_c, 0.0), last + 1.0)
-            below = min(int(place), last)
+            place = (temperature - lowest_c) / apart_c
+            place = 0.0 if place < 0.0 else top if place > top else place  # min and max take twice as long
+            below = int(place) if place < top else last
             pull += of_air[below] + (place - below) * (of_air[below + 1] - of_air[below])
         for store, coupling in enumerate(couplings):
             slope += coupling
             pull += coupling * stored[store]
         before = temperature
-        share = -math.expm1(-slope * steps) / slope if slope else steps
+        if slope != known:
+            known, share = slope, -math.expm1(-slope * steps) / slope if slope else steps
         temperature += (pull - slope * temperature) * share
-        temperature = min(max(temperature, -_KELVIN), _HOTTEST_C)
+        if not -_KELVIN <= temperature <= _HOTTEST_C:
+            temperature = min(max(temperature, -_KELVIN), _HOTTEST_C)
         for store, part in enumerate(shares):
             stored[store] += ((before + temperature) / 2 - stored[store]) * part
     return np.array(air)
