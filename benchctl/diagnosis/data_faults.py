@@ -65,7 +65,7 @@ def without_data_faults(problem: PartProblem) -> tuple[PartProblem, tuple[Fault,
     found = tuple(one for one in (*shown.found, *spikes.found) if one.effect not in problem.without)
     if "outliers" not in problem.without:
         usable &= ~spikes.masked
-    return replace(problem, usable=usable), found
+    return replace(problem, usable=usable, rows_per_value=shown.rows_per_value), found
 
 
 def _behind_rails(problem: GyroProblem, rail: Fault | None, rows: IntArray) -> tuple[PartProblem, tuple[Fault, ...]]:

@@ -1,4 +1,4 @@
-"""Dropouts: the output is held for some time and then continues."""
+"""Held samples: dropouts, and an output that is recorded faster than it changes."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ from benchctl.diagnosis.result import Estimate
 from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.effects.dropouts import Dropouts
+
+_FEWEST_VALUES, _REGULAR = 30, 0.9
+"""Minimum number of values in motion, and the share of them that must last alike."""
 
 _PRETENDED = 300
 """Number of places at which a hold is simulated to estimate the detectable share."""
@@ -61,6 +64,32 @@ def holds_in(output: Output, runs: Runs, railed: BoolArray, interval_s: float) -
         gain=bounded_gain(float(runs.evidence.sum())),
         says=effect.says(),
     )
+
+
+def rows_per_value(output: Output) -> int:
+    """Return the number of rows with which each value is repeated while the output should move; 1 if it is new in each.
+
+    A recorder that is faster than a digital gyro repeats the gyro's last value until the next one arrives.
+    """
+    should_move = np.abs(np.diff(output.predicted)) >= output.step_v
+    should_move &= output.alive[1:] & output.alive[:-1] & output.foretold[1:]
+    should_move[[part.start - 1 for part in output.stretches[1:]]] = False
+    changes = np.flatnonzero(np.diff(output.volts) != 0.0)
+    moved = np.concatenate([[0], np.cumsum(should_move)])
+    lengths = np.diff(changes)[np.diff(moved[changes + 1]) == np.diff(changes)]
+    if lengths.size < _FEWEST_VALUES:
+        return 1
+    usual = round(float(np.median(lengths)))
+    return usual if float(np.mean(np.abs(lengths - usual) <= 1)) > _REGULAR else 1
+
+
+def repeats_in(output: Output, rows: int) -> BoolArray:
+    """Return a mask, shape (n,), of the rows that repeat a value of so many rows; at rest each such row is new too."""
+    new = np.concatenate([[True], np.diff(output.volts) != 0.0])
+    new[[part.start for part in output.stretches]] = True
+    index = np.arange(new.size)
+    since = index - np.maximum.accumulate(np.where(new, index, 0))
+    return np.asarray(since % rows != 0)
 
 
 def _length(lengths: FloatArray, output: Output) -> tuple[float, float, float]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from benchctl.diagnosis.faults.clipping import rail_in
 from benchctl.diagnosis.faults.coarse import coarse_in, stairs_in
-from benchctl.diagnosis.faults.dropouts import holds_in
+from benchctl.diagnosis.faults.dropouts import holds_in, repeats_in, rows_per_value
 from benchctl.diagnosis.faults.fault import FoundFaults
 from benchctl.diagnosis.faults.grid import grid_of
 from benchctl.diagnosis.faults.standing import Output, standing_runs
@@ -49,6 +50,8 @@ def faults_in(
         step_v=max(grid.step_v, _LEAST_STEP_V),
         noise_v=quiet_noise_v(residual, predicted, interval_s, grid.step_v),
     )
+    rows = rows_per_value(output)
+    output = replace(output, rows_per_value=rows)
     runs = standing_runs(output)
     rail, at_rail = rail_in(output, runs)
     railed = np.zeros_like(alive) if rail is None else rail.rows
@@ -57,7 +60,8 @@ def faults_in(
     lost = coarse_in(output, grid, adc_step_v, stairs)
     found = tuple(one for one in (lost, rail, holds) if one is not None)
     standing = railed if holds is None else railed | holds.rows
-    return FoundFaults(found=found, masked=stairs | standing, standing=standing, step_v=grid.step_v)
+    masked = stairs | standing | repeats_in(output, rows)
+    return FoundFaults(found=found, masked=masked, standing=standing, step_v=grid.step_v, rows_per_value=rows)
 
 
 _WINDOW_S = 1.0

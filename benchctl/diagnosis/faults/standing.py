@@ -57,7 +57,7 @@ class Output:
 
     `alive` rows are finite and within the rated limit, `stretches` have no gaps, and `foretold` rows are predicted from
     measured values only, not from a filter's extrapolation beyond a gap. `step_v` is the grid's step, `noise_v` the
-    quietest noise.
+    quietest noise. A recorder that is faster than the gyro shows each value in `rows_per_value` rows.
     """
 
     volts: FloatArray
@@ -67,11 +67,15 @@ class Output:
     stretches: Sequence[slice]
     step_v: float
     noise_v: float
+    rows_per_value: int = 1
 
     @property
     def enough(self) -> float:
-        """The logarithm of improbability that chance exceeds somewhere in the recording once in a thousand cases."""
-        return math.log(self.volts.size / CHANCE)
+        """The logarithm of improbability that chance exceeds somewhere in the recording once in a thousand cases.
+
+        The improbability of a run counts the rows of a value as if each were new.
+        """
+        return self.rows_per_value * math.log(self.volts.size / CHANCE)
 
 
 def standing_runs(output: Output) -> Runs:

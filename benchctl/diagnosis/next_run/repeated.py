@@ -24,6 +24,9 @@ _MOVED_BY = {
 }
 """Coordinates that are unknown before a run or have no spread, and the coordinates used in their place."""
 
+_VERY_MUCH = 1000.0
+"""Ratio beyond which a number says no more: the recording hardly varies it at all."""
+
 
 def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Bench | None = None) -> NextExperiment:
     """Return the run that varies the coordinate of an unknown structure most per hour.
@@ -54,7 +57,8 @@ def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Ben
         return NextExperiment(says=f"No installed procedure within the bench's limits moves {meant}.")
     power, (given, plan), hours = best
     more = power / now if now > 0.0 else 0.0
-    much = f" and varies it {two_digits(more)} times as much as this recording" if more > 1.0 else ""
+    often = two_digits(more) if more < _VERY_MUCH else f"more than {_VERY_MUCH:g}"
+    much = f" and varies it {often} times as much as this recording" if more > 1.0 else ""
     apart = f" apart from {' and '.join(others)}" if others else ""
     return NextExperiment(
         says=f"The unexplained part depends on {meant}. Run {called(given, plan)}, which varies {meant}{apart} most per"

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -78,6 +80,15 @@ def test_an_output_printed_coarsely_that_repeats_at_rest_before_a_noisy_motion_i
     held = printed.held([900, 1500], 25).faults(adc_step_v=step_v)
     assert [one.effect for one in held.found] == ["dropouts"]
     assert not held.standing[:230].any()
+
+
+@pytest.mark.parametrize("rows", [2, 3, 5])
+def test_of_values_that_a_fast_recorder_repeats_the_first_rows_are_used_at_rest_too(rows: int) -> None:
+    index = np.arange(FINE.volts.size)
+    repeated = replace(FINE, volts=FINE.volts[index // rows * rows]).faults()
+    assert (repeated.found, repeated.rows_per_value) == ((), rows)
+    np.testing.assert_array_equal(np.flatnonzero(~repeated.masked), index[::rows])
+    assert FINE.faults().rows_per_value == 1
 
 
 @pytest.mark.parametrize("late", [-1, 1])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.faults import Fault, faults_in, spikes_in
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from tests.benchctl.diagnosis.foreign import Truth, make, to_recording
@@ -30,6 +31,19 @@ def test_the_faults_of_a_recording_are_found_with_their_numbers_and_nothing_else
             estimate = found[name].parameters[parameter]
             assert estimate.value == pytest.approx(true, rel=0.2), (name, parameter)
             assert found[name].gain > 100.0
+
+
+@pytest.mark.slow
+def test_a_recorder_that_is_faster_than_the_gyro_adds_no_delay() -> None:
+    truth = replace(Truth(kind="made", bench=0, plan=0), effects={"timing_offset": {"offset_s": 6e-3}})
+    description, table = make(truth, 5)
+    table[:, 2] = table[np.arange(len(table)) // 3 * 3, 2]
+    diagnosis = diagnose(to_recording(description, table))
+    (delay,) = diagnosis.findings
+    assert delay.effect == "timing_offset"
+    assert delay.parameters["offset_s"].value == pytest.approx(6e-3, rel=0.1)
+    assert not diagnosis.unexplained.significant
+    assert any("stands in 3 rows" in note for note in diagnosis.notes)
 
 
 def _found(truth: Truth) -> dict[str, Fault]:
