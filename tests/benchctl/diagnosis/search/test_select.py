@@ -11,7 +11,7 @@ import pytest
 
 from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.diagnosis.search.screen import Screening
-from benchctl.diagnosis.search.select import _Search, reduced, select, select_between
+from benchctl.diagnosis.search.select import Search, reduced, select, select_between
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.estimation.fit import Fit, Point, fit, gain_of
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
@@ -77,7 +77,7 @@ def test_what_one_of_several_recordings_contradicts_is_not_found() -> None:
 
 def test_what_gains_as_much_is_fitted_although_its_gain_scatters() -> None:
     problem = toy(CUBIC)
-    search = _Search(problem, 0, lambda _name, _share: None, 0.0)
+    search = Search(problem, 0, lambda _name, _share: None, 0.0)
     begun = search._begun(Point(baseline=problem.baseline_start))
     screening = search._screened(begun, (0.0, 1.0))
     search._threshold = screening.threshold
@@ -170,7 +170,7 @@ def taken(problem: Toy) -> tuple[list[set[str]], Selection]:
     """The effects of every model that was screened, in the order of the search, and its outcome."""
     models: list[set[str]] = []
 
-    class Followed(_Search):
+    class Followed(Search):
         def _best(self, present: Fit, screening: Screening) -> Any:
             models.append({effect.identifier for effect in present.point.effects})
             return super()._best(present, screening)
@@ -222,7 +222,7 @@ class Both(Cubic):
 def settled_from_two(*truth: ToyEffect, seed: int) -> set[str]:
     """What is left of a model with the two that `Both` is like, once it has settled."""
     problem = toy(*truth, seed=seed, hypotheses=(LikeCubic, LikeQuintic, Both))
-    search = _Search(problem, 0, lambda _name, _share: None, 0.0)
+    search = Search(problem, 0, lambda _name, _share: None, 0.0)
     search._threshold = search._screened(search._fit(Point(baseline=problem.baseline_start)), (0.0, 1.0)).threshold
     two = (LikeCubic(size_v=4e-3), LikeQuintic(size_v=4e-3))
     settled, evidence = search._settled(search._fit(Point(baseline=problem.baseline_start, effects=two)))
