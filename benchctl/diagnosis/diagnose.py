@@ -65,26 +65,26 @@ def _diagnosis(
     part: Part,
     seed: int,
     without: Collection[str],
-    told: Callable[[str, float], None],
+    progress: Callable[[str, float], None],
 ) -> Diagnosis:
     problem, faults = without_data_faults(problem_of(recording, part, model=model, without=without))
     problem.require_rows(recording)
     step_v = coarse_step_of(problem, faults)
     rounding_v2 = step_v**2 / 12.0
     stated = problem
-    problem, chosen, evident = _searched(problem, rounding_v2, faulty=bool(faults), seed=seed, told=told)
+    problem, chosen, evident = _searched(problem, rounding_v2, faulty=bool(faults), seed=seed, progress=progress)
     settled = problem is not stated or evident is not None
     for _ in range(_MOST_UNROUNDED):
         smooth = unrounded(problem, chosen, step_v)
         if smooth is None:
             break
         problem, rounding_v2 = smooth, 0.0
-        chosen = select(problem, seed=seed, progress=told, chosen=chosen)
+        chosen = select(problem, seed=seed, progress=progress, chosen=chosen)
     chosen = without_the_steps_own(problem, chosen, step_v)
     if not settled and (other := other_answer(problem, chosen)) is not None:
         problem = other
-        chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2, chosen=chosen)
-    told("what is left", 0.95)
+        chosen = select(problem, seed=seed, progress=progress, rounding_v2=rounding_v2, chosen=chosen)
+    progress("what is left", 0.95)
     problem.forget()  # the following steps need no fast predictions
     tried = _names(chosen)
     spikes = any(fault.effect == "outliers" for fault in faults)
@@ -112,7 +112,7 @@ def _diagnosis(
         findings=findings,
         unexplained=unexplained,
         fit=figures_of(problem, chosen),
-        next_experiment=next_of(problem, chosen, findings, unexplained, recording.meta, told),
+        next_experiment=next_of(problem, chosen, findings, unexplained, recording.meta, progress),
         not_found=tuple(
             not_found_in(one, problem.unit, part)
             for one in not_found_of(problem, chosen, names | tried, unexplained=unexplained.significant)
@@ -133,21 +133,19 @@ def _diagnosis(
 
 
 def _searched(
-    problem: PartProblem, rounding_v2: float, *, faulty: bool, seed: int, told: Callable[[str, float], None]
+    problem: PartProblem, rounding_v2: float, *, faulty: bool, seed: int, progress: Callable[[str, float], None]
 ) -> tuple[PartProblem, Selection, Modelled | None]:
     """Return the problem under the better assumption, the chosen effects, and a structure if it alone suffices."""
     if problem.disturbed:
-        return problem, select_subset(problem, seed=seed, progress=told), None
-    search = Search(problem, seed, told, rounding_v2)
+        return problem, select_subset(problem, seed=seed, progress=progress), None
+    search = Search(problem, seed, progress, rounding_v2)
     if isinstance(problem, GyroProblem) and not (faulty or problem.is_long or swinging_hz(problem)):
         bare = search.bare()
         evident = None if bare is None else evident_structure(problem, bare, seed=seed)
-        if bare is not None and evident is not None:
-            after, whitener = evident.chosen.after, evident.chosen.whitener
-            if plainly_better(problem, after, whitener) is None:
-                return problem, bare, evident
+        if bare and evident and plainly_better(problem, evident.chosen.after, evident.chosen.whitener) is None:
+            return problem, bare, evident
     problem, chosen = select_between(
-        problem, plainly_better, seed=seed, progress=told, rounding_v2=rounding_v2, begun=search
+        problem, plainly_better, seed=seed, progress=progress, rounding_v2=rounding_v2, begun=search
     )
     return problem, chosen, None
 

@@ -68,6 +68,11 @@ class Column(_Table):
         """The conversion of the unit alone."""
         return self.known[self.unit]
 
+    @property
+    def channel_unit(self) -> str:
+        """The unit of the channel, in CF spelling."""
+        return self.unit_conversion.cf
+
 
 class AngleColumn(Column):
     """The angle of the table; the sign is -1 if it counts clockwise.
@@ -86,6 +91,11 @@ class AngleColumn(Column):
         if self.unit == units.COUNTS and self.counts_per_rev is None:
             raise ValueError("an angle in counts needs counts_per_rev")
         return self
+
+    @property
+    def channel_unit(self) -> str:
+        """The unit of the channel, also where a rate becomes an angle."""
+        return "degree"
 
     @property
     def is_rate(self) -> bool:

@@ -65,11 +65,7 @@ def build_recording(
         where=lambda k: f"{map_name}, steps[{k}]",
         starts=base.starts,
     )
-    extra: dict[str, Any] = {
-        "channel_units": {
-            name: "degree" if isinstance(entry, AngleColumn) else entry.conversion.cf for name, entry in entries.items()
-        }
-    }
+    extra: dict[str, Any] = {"channel_units": {name: entry.channel_unit for name, entry in entries.items()}}
     extra |= {part: table for part in ("drive", "chamber") if (table := getattr(mapping, part))}
     if FILLED in channels:
         extra["channel_units"][FILLED] = "1"

@@ -60,7 +60,9 @@ def faults_in(
     lost = coarse_in(output, grid, adc_step_v, stairs)
     found = tuple(one for one in (lost, rail, holds) if one is not None)
     standing = railed if holds is None else railed | holds.rows
-    masked = stairs | standing | repeats_in(output, rows)
+    masked = stairs | standing
+    if rows > 1:
+        masked |= repeats_in(output, rows)
     return FoundFaults(found=found, masked=masked, standing=standing, step_v=grid.step_v, rows_per_value=rows)
 
 
@@ -88,8 +90,8 @@ def quiet_noise_v(residual: FloatArray, predicted: FloatArray, interval_s: float
         return values[: windows * window].reshape(windows, window)
 
     power = np.mean(np.diff(by_window(residual), axis=1) ** 2, axis=1)
-    low, high = np.nanquantile(predicted, [0.0, 1.0])
-    inner = np.abs(by_window(predicted).mean(axis=1) - 0.5 * (low + high)) < _INNER * (high - low)
-    rests = (np.ptp(by_window(predicted), axis=1) < step_v / 2.0) & inner
+    expected, low, high = by_window(predicted), np.nanmin(predicted), np.nanmax(predicted)
+    inner = np.abs(expected.mean(axis=1) - 0.5 * (low + high)) < _INNER * (high - low)
+    rests = inner & (np.ptp(expected, axis=1) < step_v / 2.0)
     quietest = min(float(np.quantile(one, _QUIETEST)) for one in (power, power[rests]) if one.size)
     return math.sqrt(max(quietest / 2.0 - step_v**2 / 12.0, 0.0))

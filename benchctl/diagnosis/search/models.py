@@ -20,10 +20,12 @@ from benchctl.estimation.evidence import occam_factor
 from benchctl.estimation.fit import Fit, Point, fit, gain_alone, gain_kept, gain_of
 from benchctl.estimation.noise import Whitener
 from benchctl.estimation.noise_model import NoiseModel
-from benchctl.estimation.point import assumed, at_bound, stands_at
+from benchctl.estimation.point import assumed, at_bound, interval_of, stands_at
 from benchctl.signals.blocks import block_starts
+from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import IntArray
-from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
+from benchctl_instruments.physics.structures import Structure
 
 _TRIED = 6
 _WORTH_TRYING = 0.2
@@ -215,3 +217,41 @@ class Models:
         for baseline, effect in self._problem.starts(known.baseline, known.effects):
             if place_of(effect) not in self._refused:
                 yield Point(baseline=baseline, effects=(*known.effects, effect))
+
+
+def may_be_nothing(problem: PartProblem, fitted: Fit) -> set[int]:
+    """Return the indices of effects whose vanishing parameters all have zero within their 95 % interval.
+
+    Shape parameters, such as a dead time next to a disturbance, which a lag can leave by chance, are tested with the
+    wider interval of Schwarz's criterion. The errors are estimated from the scatter between steps; an opening of a
+    chamber lies within one or two of them and is not tested.
+    """
+    errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
+    sizes = [
+        [
+            _may_be_zero(
+                one.parameter,
+                effect.values[one.name],
+                error * (Z95 if one.parameter.role == "size" else math.sqrt(math.log(fitted.rows))),
+            )
+            for one, error in zip(fitted.numbers, errors.tolist(), strict=True)
+            if one.effect == place and one.parameter is not None and _vanishes(one.parameter)
+        ]
+        for place, effect in enumerate(fitted.point.effects)
+    ]
+    nothing = {place for place, small in enumerate(sizes) if small and all(small)}
+    return {place for place in nothing if not _is_opening(fitted.point.effects[place])}
+
+
+def _is_opening(effect: DescribedEffect) -> bool:
+    return isinstance(effect, Structure) and effect.is_opening
+
+
+def _may_be_zero(parameter: Parameter, value: float, half: float) -> bool:
+    low, high = interval_of(parameter, value, half)
+    return low <= 0.0 <= high
+
+
+def _vanishes(parameter: Parameter) -> bool:
+    """Return whether a parameter is zero when its effect is absent."""
+    return parameter.role == "size" or (parameter.zero == 0.0 and not parameter.logarithmic)

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchctl.diagnosis.keys import Place, keys_of, place_of
 from benchctl.diagnosis.search.held_out import least_gain
-from benchctl.diagnosis.search.models import ALIKE, Models, Tried
+from benchctl.diagnosis.search.models import ALIKE, Models, Tried, may_be_nothing
 from benchctl.diagnosis.search.pairs import pairs_of
 from benchctl.diagnosis.search.screen import Scored, Screening
 from benchctl.diagnosis.search.selection import Evidence, Selection
@@ -20,11 +20,10 @@ from benchctl.estimation.disturbance import with_disturbance
 from benchctl.estimation.evidence import occam_factor
 from benchctl.estimation.fit import Fit, Point, fit, gain_kept, gain_of, judged
 from benchctl.estimation.noise import Noisy, Whitener
-from benchctl.estimation.point import at_bound, interval_of
+from benchctl.estimation.point import at_bound
 from benchctl.estimation.wandering import PROCESSES
 from benchctl.signals.blocks import step_starts
-from benchctl.signals.normal import Z95
-from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.structures import Structure
 
 Better = Callable[[PartProblem, Fit, Whitener], PartProblem | None]
@@ -168,44 +167,6 @@ def _not_to_state(problem: PartProblem, present: Fit, evidence: Mapping[str, Evi
         if its.heldout < its.heldout_least or at_bound(one) or place in zero
     ]
     return present.point.effects[min(worse)[1]] if worse else None
-
-
-def may_be_nothing(problem: PartProblem, fitted: Fit) -> set[int]:
-    """Return the indices of effects whose vanishing parameters all have zero within their 95 % interval.
-
-    Shape parameters, such as a dead time next to a disturbance, which a lag can leave by chance, are tested with the
-    wider interval of Schwarz's criterion. The errors are estimated from the scatter between steps; an opening of a
-    chamber lies within one or two of them and is not tested.
-    """
-    errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
-    sizes = [
-        [
-            _may_be_zero(
-                one.parameter,
-                effect.values[one.name],
-                error * (Z95 if one.parameter.role == "size" else math.sqrt(math.log(fitted.rows))),
-            )
-            for one, error in zip(fitted.numbers, errors.tolist(), strict=True)
-            if one.effect == place and one.parameter is not None and _vanishes(one.parameter)
-        ]
-        for place, effect in enumerate(fitted.point.effects)
-    ]
-    nothing = {place for place, small in enumerate(sizes) if small and all(small)}
-    return {place for place in nothing if not _is_opening(fitted.point.effects[place])}
-
-
-def _is_opening(effect: DescribedEffect) -> bool:
-    return isinstance(effect, Structure) and effect.is_opening
-
-
-def _may_be_zero(parameter: Parameter, value: float, half: float) -> bool:
-    low, high = interval_of(parameter, value, half)
-    return low <= 0.0 <= high
-
-
-def _vanishes(parameter: Parameter) -> bool:
-    """Return whether a parameter is zero when its effect is absent."""
-    return parameter.role == "size" or (parameter.zero == 0.0 and not parameter.logarithmic)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,9 +22,9 @@ from scipy.special import chdtri
 
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.search.held_out import held_out_steps
+from benchctl.diagnosis.search.models import may_be_nothing
 from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.screen import screen
-from benchctl.diagnosis.search.select import may_be_nothing
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.disturbance import deviance_near, most_followed, with_disturbance

@@ -18,7 +18,7 @@ from scipy.special import chdtri
 from benchctl.diagnosis.chamber.problem import ChamberProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import ResidualStructure, residual_structure_beside
-from benchctl.diagnosis.search.select import may_be_nothing
+from benchctl.diagnosis.search.models import may_be_nothing
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.search.subsets import CHANCE, evidence_beside, price_of, select_subset, stuck
 from benchctl.diagnosis.structures.along import Along, Begun, everywhere

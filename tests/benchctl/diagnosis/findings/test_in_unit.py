@@ -50,9 +50,9 @@ def test_the_friction_of_a_motor_whose_voltage_was_recorded_is_in_volts() -> Non
         gain_heldout=50.0,
         says="Dry (Coulomb) friction of 0.3 N·m works against the motion.",
     )
-    told = finding_in(friction, "V", "drive")
-    assert told.says == "Dry (Coulomb) friction of 0.3 V works against the motion."
-    assert told.parameters["coulomb_nm"].unit == "V"
+    in_volts = finding_in(friction, "V", "drive")
+    assert in_volts.says == "Dry (Coulomb) friction of 0.3 V works against the motion."
+    assert in_volts.parameters["coulomb_nm"].unit == "V"
     assert finding_in(friction, "N m", "drive") == friction
 
 
