@@ -340,7 +340,7 @@ def diagnose(
     recordings: Source | Iterable[Source],
     *,
     model: str | PathLike[str] | None = None,
-    part: Part = "gyro",
+    part: Part | None = None,
     seed: int = 0,
     out: str | PathLike[str] | None = None,
     progress: Callable[[str, float], None] | None = None,
@@ -354,7 +354,8 @@ def diagnose(
     model
         A file with the lab's model of the part; by default the one that the first recording names.
     part
-        `gyro`; `drive`, with angle and torque or current; `chamber`, with heat and air.
+        `gyro`; `drive`, with angle and torque or current; `chamber`, with heat and air. By default the gyro, or what
+        the recordings are of if they have none.
     seed
         The seed of the simulated recordings without missing physics, used for comparison; it makes the result
         reproducible.

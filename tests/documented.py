@@ -31,6 +31,10 @@ benchctl() {
     "serve "*) timeout -s INT 8 python -m benchctl "$@" | grep '"url"' ;;
     "sim "*) python -m benchctl "$@" & until [ -s sim.toml ]; do sleep 0.1; done ;;
     "run static --bench sim.toml") python -m benchctl check static --bench sim.toml ;;  # in real time it takes minutes
+    "run two_stage "*" --out first") python -m benchctl "$@" -p points=4 ;;     # test_main_job.py runs all of it
+    "run acceptance "*" --out unit17")
+      python -m benchctl "$@" -p points=3 -p cycles=3 -p top_rate_dps=170 -p sweep_rates=5 -p rates=2 -p rest_s=600 \
+        -p warm_s=600 -p soak_s=60 -p run_s=10 -p zero_s=20 -p small_run_s=20 ;;
     "run acceptance "*" --out first") mv unit17 first ;;         # the README's block has run the same
     "run --again first/"*) ;;                                   # and this too
     *--resume*) python -m benchctl "$@" --yes ;;                # there is no terminal to confirm at

@@ -105,7 +105,7 @@ def test_the_readme_and_acceptance_history_and_fleets(folder: Path, campaign: Pa
     with zipfile.ZipFile(folder / "campaigns.zip", "w") as archive:
         for path in campaign.iterdir():
             archive.write(path, f"campaign/{path.name}")
-    write_samples(folder, per_rate=600)
+    write_samples(folder, per_rate=300)
     for unit in ("SN-100", "SN-101"):  # short ones, since the fleet diagnoses them too
         benchctl(folder, "import", "log.csv", "--map", "map.toml", "-o", f"{unit}.h5")
     with zipfile.ZipFile(folder / "u.zip", "w") as archive:

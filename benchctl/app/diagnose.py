@@ -13,6 +13,7 @@ import numpy as np
 
 from benchctl import diagnosis
 from benchctl.atomic import whole_file
+from benchctl.diagnosis.parts import part_of
 from benchctl.diagnosis.result import COORDINATE_UNITS, Diagnosis, Finding, Part, Slice, Verdict
 from benchctl.model_file import Model, read_model, write_model
 from benchctl.part_models import EFFECTS
@@ -83,11 +84,13 @@ def diagnose(
     paths: Sequence[Path],
     *,
     model: Path | None = None,
-    part: Part = "gyro",
+    part: Part | None = None,
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosed:
     """Diagnose one recording, or several of one unit jointly, with the model of the first one or of a file.
+
+    Without `part`, it is the one that the recordings are of: the drive or the chamber if they have no gyro.
 
     `progress` is called with the current trial and the completed fraction of the work, 0 to 1. Raises `UsageError` if a
     recording was changed or cannot be read or diagnosed, or if the recordings are of different units.
@@ -96,7 +99,9 @@ def diagnose(
         refuse_changed(path, "diagnosed")
     with ExitStack() as stack:
         recordings = [stack.enter_context(open_recording(path)) for path in paths]
-        joined = under_test(join(recordings)) if part == "gyro" else join(recordings)
+        joined = join(recordings)
+        part = part or part_of(joined)
+        joined = under_test(joined) if part == "gyro" else joined
         believed, notes = (None, ()) if model is None else _believed(model, part)
         found = diagnosis.diagnose(joined, model=believed, part=part, seed=seed, progress=progress)
         names = " + ".join(name_of(path) for path in paths)

@@ -48,11 +48,12 @@ def diagnose(
         bool, typer.Option("--dry-run", help="With --settle: show the run and its duration; execute nothing.")
     ] = False,
     part: Annotated[
-        Literal["gyro", "drive", "chamber"],
+        Literal["gyro", "drive", "chamber"] | None,
         typer.Option(
             help="The part of the bench: gyro; drive, of angle and torque or current; chamber, of heat and air."
+            " Default: gyro if the recording has one."
         ),
-    ] = "gyro",
+    ] = None,
     seed: Annotated[
         int,
         typer.Option("--seed", metavar="N", min=0, help="Seed of the simulated recordings without missing physics."),

@@ -19,7 +19,7 @@ from benchctl.diagnosis.findings.verdict import baseline_of, sentence_of, verdic
 from benchctl.diagnosis.gyro.points_sine import with_sine
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.next_run.left_open import next_of
-from benchctl.diagnosis.parts import problem_of
+from benchctl.diagnosis.parts import part_of, problem_of
 from benchctl.diagnosis.quantization import unrounded, without_the_steps_own
 from benchctl.diagnosis.residual.attribution import NOTHING, named
 from benchctl.diagnosis.result import Diagnosis, Part, Unexplained
@@ -42,13 +42,14 @@ def diagnose(
     recording: Recording,
     *,
     model: Mapping[str, Any] | None = None,
-    part: Part = "gyro",
+    part: Part | None = None,
     seed: int = 0,
     without: Collection[str] = (),
     progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosis:
     """Find the effects that the lab's model of a part of the bench lacks, as far as the recording requires them.
 
+    Without `part`, it is the one that the recording is of (`part_of`).
     `model` replaces the model that the recording names; hypotheses listed in `without` are not tested. `progress` is
     called with the name of the hypothesis under test and the completed share.
 
@@ -56,7 +57,7 @@ def diagnose(
     """
     # our own threads use all cores; with several BLAS threads the last digits would depend on their number
     with threadpool_limits(limits=1, user_api="blas"):
-        return _diagnosis(recording, model, part, seed, without, progress or (lambda _name, _share: None))
+        return _diagnosis(recording, model, part or part_of(recording), seed, without, progress or (lambda _name, _share: None))
 
 
 def _diagnosis(

@@ -6,13 +6,25 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from benchctl.diagnosis.chamber.problem import chamber_problem
+from benchctl.diagnosis.chamber.rows import AIR, DRIVES, SETPOINT
 from benchctl.diagnosis.drive.problem import drive_problem
+from benchctl.diagnosis.drive.rows import ANGLES, TORQUES
 from benchctl.diagnosis.gyro.points import has_points, points_problem
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.diagnosis.result import Part
 from benchctl.diagnosis.stepped import PartProblem
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.errors import UsageError
+
+
+def part_of(recording: Recording) -> Part:
+    """Return the part of the bench that a recording is of: the drive or the chamber if it has no gyro, else the gyro."""
+    channels = {name for info in recording.infos for name in recording.channels(info.index)}
+    if any(name.startswith(("gyro", "frame", "point")) for name in channels):
+        return "gyro"
+    if channels & {*ANGLES} and channels & {*TORQUES}:
+        return "drive"
+    return "chamber" if AIR in channels and channels & {SETPOINT, *DRIVES} else "gyro"
 
 
 def problem_of(

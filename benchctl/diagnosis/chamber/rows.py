@@ -20,7 +20,7 @@ from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chamber_effects.effect import Drive
 
-_AIR, _SETPOINT, _ROOM = "chamber_temp_c", "chamber_setpoint_c", "ambient_temp_c"
+AIR, SETPOINT, _ROOM = "chamber_temp_c", "chamber_setpoint_c", "ambient_temp_c"
 _SECOND, _OPEN = "second_temp_c", "chamber_temp_open"
 DRIVES = {"heater_percent": "percent", "heater_w": "W", "current_a": "A"}
 """Channels of power, in order of preference, with their units."""
@@ -71,7 +71,7 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
     Raises `UsageError` if the air or its drive is missing or constant, or if the recording is too short.
     """
     series, channel = _series(recording)
-    step_c = _step_of(series.columns[_AIR])
+    step_c = _step_of(series.columns[AIR])
     shown, spoilt = _spoilt_in(series, channel, step_c)
     factor = max(1, -(-series.time_s.size // _MOST_SAMPLES))
     laid = [_grid(series, run, channel, factor, spoilt) for run in series.runs if run.stop - run.start > 2 * factor]
@@ -100,7 +100,7 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
     samples = [
         np.concatenate([grid.columns[i][:size] for grid, size in zip(grids, sizes, strict=True)]) for i in range(4)
     ]
-    if float(np.ptp(samples[1])) == 0.0 and channel == _SETPOINT:
+    if float(np.ptp(samples[1])) == 0.0 and channel == SETPOINT:
         raise UsageError(
             f"{recording.path}: the set point never changes, and so the air has nothing to follow; record steps of it"
         )
@@ -118,7 +118,7 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
     row_s = block_mean(time_s, block)
     return ChamberRows(
         infos_of_rows=cut(series.infos, step[::block].astype(np.int64), row_s),
-        kind="setpoint" if channel == _SETPOINT else "power",
+        kind="setpoint" if channel == SETPOINT else "power",
         channel=channel,
         interval_s=interval_s,
         block=block,
@@ -142,13 +142,13 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
 
 def _series(recording: Recording) -> tuple[Series, str]:
     """Return the samples with the first power, or else the set point, that has the same time axis as the air."""
-    for polled, channel in [(False, name) for name in (*DRIVES, _SETPOINT)] + [(True, _SETPOINT)]:
+    for polled, channel in [(False, name) for name in (*DRIVES, SETPOINT)] + [(True, SETPOINT)]:
         prefix = "poll_" if polled else ""
         for info in recording.infos:
-            if {f"{prefix}{_AIR}", f"{prefix}{channel}"} <= set(recording.channels(info.index)):
-                return series_of(recording, (_AIR, channel), (_ROOM, _SECOND, _OPEN), polled=polled), channel
+            if {f"{prefix}{AIR}", f"{prefix}{channel}"} <= set(recording.channels(info.index)):
+                return series_of(recording, (AIR, channel), (_ROOM, _SECOND, _OPEN), polled=polled), channel
     raise UsageError(
-        f"{recording.path}: a chamber needs {_AIR} together with one of {', '.join(DRIVES)} or {_SETPOINT};"
+        f"{recording.path}: a chamber needs {AIR} together with one of {', '.join(DRIVES)} or {SETPOINT};"
         f" it has {channels_of(recording)}; an import names them in its map"
     )
 
@@ -158,14 +158,14 @@ def _spoilt_in(series: Series, channel: str, step_c: float) -> tuple[list[tuple[
 
     Each kind is searched in the rows that the previous ones have left.
     """
-    read_c = series.columns[_AIR]
+    read_c = series.columns[AIR]
     opened = open_in(series.columns[_OPEN])
     spoilt = opened[1] | ~np.isfinite(read_c)
     wrapped = wrapped_in(read_c, spoilt, step_c)
     spoilt |= wrapped[1]
     spikes = spikes_in(read_c, spoilt, step_c, series.runs)
     spoilt |= spikes[1]
-    rail = rail_in(read_c, spoilt, series.columns[channel], step_c, series.runs, asked=channel == _SETPOINT)
+    rail = rail_in(read_c, spoilt, series.columns[channel], step_c, series.runs, asked=channel == SETPOINT)
     return [opened, wrapped, spikes, rail], spoilt | rail[1]
 
 
@@ -191,7 +191,7 @@ def _grid(series: Series, run: slice, channel: str, factor: int, spoilt: BoolArr
         return None
     even = time_s[0] + np.arange(int((time_s[-1] - time_s[0]) / series.interval_s + 1e-6) + 1) * series.interval_s
     near = np.clip(np.searchsorted(time_s, even + series.interval_s / 2) - 1, 0, time_s.size - 1)
-    air = np.interp(even, time_s[~bad], series.columns[_AIR][run][~bad])
+    air = np.interp(even, time_s[~bad], series.columns[AIR][run][~bad])
     room, second = (np.interp(even, time_s, series.columns[name][run]) for name in (_ROOM, _SECOND))
     missing = np.abs(time_s[near] - even) > _NEAR * series.interval_s
     values = (air, series.columns[channel][run][near], room, second)

@@ -39,6 +39,8 @@ _REFINED, _FITTED, _OF_ONE_PLACE, _MOST_PLACES = 30, 6, 3, 4
 """Number of shapes that are refined; maximum number fitted, fitted per stage and coordinate, and of these pairs."""
 _SIZED = 2
 _SHARPER = (0.2, 0.2)
+_CANCELLED = 2.0
+"""Largest range of what a structure adds, relative to the measured range; the rest of the model cancels a larger one."""
 _NOTHING = 1e-3
 """Tolerated loss on held-out steps, where the structure has no influence."""
 _KINDS = {
@@ -419,4 +421,18 @@ def _judged(problem: Structurable, chosen: Selection, one: Fit, looked: float) -
         rows = held[problem.step]
         if gain_of(one, present, held) < least_gain(one.white[rows], present.white[rows]) - _NOTHING:
             return None
-    return _Candidate(fit=one, gain=gain, evidence=evidence) if evidence > 0.0 else None
+    return _Candidate(fit=one, gain=gain, evidence=evidence) if evidence > 0.0 and not _cancels(problem, one) else None
+
+
+def _cancels(problem: Structurable, fitted: Fit) -> bool:
+    """Return whether a structure of the fit is so large that other terms have to cancel it: they are nearly the same.
+
+    In a recording at one constant rate, for example, functions of time, angle and rate differ only by noise.
+    """
+    effects, used = fitted.point.effects, problem.usable
+    span = float(np.ptp(problem.measured[used]))
+    for place in (place for place, one in enumerate(effects) if isinstance(one, Structure)):
+        without_it = problem.predict(fitted.point.baseline, (*effects[:place], *effects[place + 1 :]))
+        if float(np.ptp((fitted.predicted - without_it)[used])) > _CANCELLED * span:
+            return True
+    return False

@@ -99,26 +99,36 @@ def _linear(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) 
         heat = heat + signals.push_c
     if signals.second_c is not None:
         heat = heat + exchange * signals.second_c
-    state = np.full(1 + couplings.size, start_c)
-    air = np.empty_like(heat)
     changes = [0, *(np.flatnonzero(np.diff(signals.loss)) + 1).tolist(), heat.size]
-    for first, last in itertools.pairwise(changes):
-        loss = float(signals.loss[first])
-        slope = loss + exchange + float(couplings.sum())
-        share = -math.expm1(-slope * steps) / slope if slope else steps
-        # the air a sample later by air and stores now; a store then follows the mean of the air over that time
-        onward = np.concatenate([[1.0 - slope * share], share * couplings])
-        following = np.outer(shares, onward) / 2.0
-        following[:, 0] += shares / 2.0
-        following[:, 1:] += np.diag(1.0 - shares)
-        values, modes = np.linalg.eig(np.vstack([onward, following]))
-        into, beginning = np.linalg.solve(modes, np.column_stack([np.concatenate([[1.0], shares / 2.0]), state])).T
-        driven = share * (heat[first:last] + loss * signals.room_c[first:last])
-        courses = [
-            scipy.signal.lfilter([1.0], [1.0, -value], np.concatenate([[begun], one * driven]))
-            for value, one, begun in zip(values, into, beginning, strict=True)
-        ]
-        states = np.real(modes @ np.array(courses))
+    slopes = signals.loss[changes[:-1]] + (exchange + float(couplings.sum()))
+    share = np.where(slopes == 0.0, steps, -np.expm1(-slopes * steps) / np.where(slopes == 0.0, 1.0, slopes))
+    # the air a sample later by air and stores now; a store then follows the mean of the air over that time
+    onward = np.empty((slopes.size, 1 + couplings.size, 1 + couplings.size))
+    onward[:, 0, 0], onward[:, 0, 1:] = 1.0 - slopes * share, share[:, None] * couplings
+    onward[:, 1:] = shares[:, None] * onward[:, :1] / 2.0
+    onward[:, 1:, 0] += shares / 2.0
+    onward[:, 1:, 1:] += np.diag(1.0 - shares)
+    into = np.concatenate([[1.0], shares / 2.0])
+    driven = np.repeat(share, np.diff(changes)) * (heat + signals.loss * signals.room_c)
+    state, air = np.full(into.size, start_c), np.empty_like(heat)
+    for matrix, (first, last) in zip(onward, itertools.pairwise(changes), strict=True):
+        states = _course(matrix, into, driven[first:last], state)
         air[first:last] = states[0, :-1]
         state = states[:, -1]
     return np.clip(air, -_KELVIN, _HOTTEST_C)
+
+
+def _course(onward: FloatArray, into: FloatArray, driven: FloatArray, state: FloatArray) -> FloatArray:
+    """Return the states, shape (m, n + 1), from `state` (m,) on: next = onward·state + into·driven, `driven` (n,)."""
+    if driven.size == 1:  # at the edges of an opening the loss changes with each sample
+        return np.stack([state, onward @ state + into * driven], axis=1)
+    if state.size == 1:
+        course = scipy.signal.lfilter([1.0], [1.0, -float(onward[0, 0])], np.concatenate([state, driven]))
+        return np.asarray(course)[None]
+    values, modes = np.linalg.eig(onward)
+    ways, beginning = np.linalg.solve(modes, np.column_stack([into, state])).T
+    courses = [
+        scipy.signal.lfilter([1.0], [1.0, -value], np.concatenate([[begun], one * driven]))
+        for value, one, begun in zip(values, ways, beginning, strict=True)
+    ]
+    return np.real(modes @ np.array(courses))

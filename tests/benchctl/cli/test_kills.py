@@ -7,7 +7,7 @@ import pytest
 
 from tests.benchmarks.kills import AT_REST_DPS, PLANNED, run_trial, table
 
-CAMPAIGNS = 5
+CAMPAIGNS = 3
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """`benchctl sim`: the simulated instruments answer programs that are not ours."""
 
+import itertools
 import json
 import re
 import socket
@@ -130,14 +131,15 @@ def test_options_that_no_driver_takes_are_refused_before_anything_is_served(tmp_
 @pytest.mark.slow
 @pytest.mark.timeout(180)
 @pytest.mark.parametrize(
-    ("kind", "model"),
-    [("chamber", model) for model in models("chamber")]
-    + [("rate_table", model) for model in models("rate_table") if model != MANUAL],
+    ("chamber", "table"),
+    list(zip(models("chamber"), itertools.cycle(one for one in models("rate_table") if one != MANUAL), strict=False)),
 )
 def test_a_run_beside_the_servers_is_complete_with_every_chamber_and_every_table(
-    kind: str, model: str, tmp_path: Path
+    chamber: str, table: str, tmp_path: Path
 ) -> None:
-    run_beside_the_servers(bench_with(tmp_path / "bench.toml", kind, model), speed=100.0)
+    bench = bench_with(tmp_path / "bench.toml", "chamber", chamber)
+    bench.write_text(bench.read_text().replace('model = "acutrol3000"', f'model = "{table}"'))
+    run_beside_the_servers(bench, speed=100.0)
 
 
 @needs_terminals

@@ -11,13 +11,12 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.benchctl.believed import BELIEVED
 from tests.benchctl.dashboard.page.browsing import TELEPHONE, Seen, Served, a_page, picture, serving, sideways
+from tests.benchctl.diagnosis.moving import KINDS, write_moving
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 _SWEEP = ("rate_sweep", "-p", "soak_s=300", "-p", "rates=4", "-p", "run_s=20", "-p", "zero_s=20")
-_LAG = f"{BELIEVED}[effects.thermal_lag]\ntau_s = 312.0\n"
 
 
 def benchctl(*arguments: str | Path, status: int = 0) -> None:
@@ -28,19 +27,13 @@ def benchctl(*arguments: str | Path, status: int = 0) -> None:
 
 @pytest.fixture(scope="module")
 def campaigns(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two sweeps of one unit, the second accepted; and a recording of a gyro with a lag, diagnosed."""
+    """Two sweeps of one unit, the second accepted; and a recording of a gyro that is not linear, diagnosed."""
     root, lab = tmp_path_factory.mktemp("campaigns"), tmp_path_factory.mktemp("lab")
     benchctl("init", lab)
     for name, seed in (("day_1", "1"), ("day_2", "2")):
         benchctl("run", *_SWEEP, "--bench", "simulated", "--out", root / name, "--seed", seed)
     benchctl("accept", root / "day_2", "--limits", lab / "limits.toml", status=1)  # a sweep alone settles few of them
-    (lab / "lag.toml").write_text(_LAG)
-    bench = (lab / "bench.toml").read_text()
-    bench = bench.replace("sample_rate_hz = 500.0", "sample_rate_hz = 125.0")
-    (lab / "bench.toml").write_text(bench.replace("per_rev = 360000", "per_rev = 3600000"))
-    made = ("simulate", "diagnostic", "--bench", lab / "bench.toml", "--model", lab / "lag.toml")
-    benchctl(*made, "-p", "set_points_c=23,50,-10,23", "-o", root / "hidden.h5", "--seed", "7")
-    benchctl("diagnose", root / "hidden.h5")
+    benchctl("diagnose", write_moving(root / "hidden.h5", squared_v=2e-6, kinds=KINDS * 2))
     return root
 
 
@@ -115,8 +108,8 @@ def test_a_diagnosis_shows_what_is_missing_how_sure_that_is_and_where(seen: Seen
     page = seen.page
     open_tab(page, "hidden", "Diagnosis")
     expect(page.locator(".verdict .chip")).to_have_text("missing-physics")
-    finding = page.locator(".finding", has_text="thermal lag").first
-    expect(finding.locator("tbody")).to_contain_text("tau_s")
+    finding = page.locator(".finding", has_text="rate squared").first
+    expect(finding.locator("tbody")).to_contain_text("v_per_dps2")
     expect(finding).to_contain_text("in twice the log likelihood")
     finding.get_by_role("button", name="What is this?").click()
     expect(finding.locator(".block").first).to_be_visible()

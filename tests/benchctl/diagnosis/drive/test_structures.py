@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchctl.diagnosis.diagnose import diagnose
@@ -138,3 +139,18 @@ def test_time_is_counted_in_each_of_two_joined_recordings() -> None:
     assert model.identifier == "plateau_of_torque_over_time"
     assert model.parameters["at"].value == pytest.approx(30.0, abs=0.2)
     assert model.parameters["change"].value == pytest.approx(0.015, rel=0.05)
+
+
+def test_at_one_constant_rate_no_function_of_angle_or_rate_cancels_one_of_time() -> None:
+    """The joint of a robot that creeps: its angle goes with time, and its torque changes with time."""
+    noise, time_s = np.random.default_rng(1), np.arange(4000) / 100.0
+    rate_dps = 0.2 * (1.0 - np.exp(-time_s / 0.5)) + 0.004 * np.sin(1.1 * time_s)
+    angle_deg = 200.0 - np.cumsum(rate_dps) / 100.0 + noise.normal(0.0, 2e-4, time_s.size)
+    torque_nm = -8.0 * (1.0 - np.exp(-time_s / 1.5)) - 3.0 * np.exp(-(((time_s - 14.0) / 6.0) ** 2)) - 0.08 * time_s
+    torque_nm += noise.normal(0.0, 0.2, time_s.size)
+    told = diagnose(recording_of({"time_s": time_s, "encoder_deg": angle_deg, "torque_nm": torque_nm}))
+    assert (told.part, told.findings) == ("drive", ())
+    assert told.unexplained.models[0].coordinates == ("time",)
+    assert told.fit.heldout_after < 0.1
+    for model in told.unexplained.models:
+        assert all(abs(one.value) < 2.0 * np.ptp(torque_nm) for one in model.parameters.values() if one.unit == "N m")
