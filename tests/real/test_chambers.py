@@ -16,7 +16,7 @@ from tests.shared import SHARED, needs_shared
 MAPS = Path(__file__).parents[1] / "benchctl" / "recordings" / "maps"
 DATA = SHARED / "data" / "thermal"
 
-pytestmark = [needs_shared("data/thermal"), pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [needs_shared("data/thermal"), pytest.mark.long, pytest.mark.timeout(600)]
 
 
 def _diagnosis(name: str, map_name: str, folder: Path) -> tuple[Diagnosis, Mapping[str, Finding]]:

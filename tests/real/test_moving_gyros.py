@@ -27,7 +27,7 @@ def uiuc(name: str, folder: Path) -> Diagnosis:
         return diagnose(recording)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @needs_shared("data/uiuc_encoder_imu")
 @pytest.mark.parametrize("name", ["pitch_slow", "roll_slow", "yaw_slow", "yaw_medium"])
@@ -39,7 +39,7 @@ def test_one_board_has_one_delay_and_no_low_pass_on_every_axis(name: str, tmp_pa
     assert diagnosis.fit.heldout_after < diagnosis.fit.heldout_before
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @needs_shared("data/servo_mount")
 def test_a_mount_that_gives_way_has_a_delay_and_a_gain_that_rises(tmp_path: Path) -> None:
@@ -60,7 +60,7 @@ def test_a_mount_that_gives_way_has_a_delay_and_a_gain_that_rises(tmp_path: Path
     assert diagnosis.fit.heldout_after < 7.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @needs_shared("data/servo_mount")
 def test_a_slow_swing_alone_shows_that_the_output_is_late_and_not_by_which_of_four_effects(tmp_path: Path) -> None:
     file = tmp_path / "1.h5"

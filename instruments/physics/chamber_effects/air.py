@@ -100,8 +100,8 @@ def _linear(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) 
     if signals.second_c is not None:
         heat = heat + exchange * signals.second_c
     changes = [0, *(np.flatnonzero(np.diff(signals.loss)) + 1).tolist(), heat.size]
-    slopes = signals.loss[changes[:-1]] + (exchange + float(couplings.sum()))
-    share = np.where(slopes == 0.0, steps, -np.expm1(-slopes * steps) / np.where(slopes == 0.0, 1.0, slopes))
+    slopes = signals.loss[changes[:-1]] + exchange + float(couplings.sum())
+    share = np.array([-math.expm1(-slope * steps) / slope if slope else steps for slope in slopes.tolist()])
     # the air a sample later by air and stores now; a store then follows the mean of the air over that time
     onward = np.empty((slopes.size, 1 + couplings.size, 1 + couplings.size))
     onward[:, 0, 0], onward[:, 0, 1:] = 1.0 - slopes * share, share[:, None] * couplings
@@ -120,8 +120,8 @@ def _linear(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) 
 
 def _course(onward: FloatArray, into: FloatArray, driven: FloatArray, state: FloatArray) -> FloatArray:
     """Return the states, shape (m, n + 1), from `state` (m,) on: next = onward·state + into·driven, `driven` (n,)."""
-    if driven.size == 1:  # at the edges of an opening the loss changes with each sample
-        return np.stack([state, onward @ state + into * driven], axis=1)
+    if state.size == 1 == driven.size:  # at the edges of an opening the loss changes with each sample
+        return np.array([[state[0], onward[0, 0] * state[0] + driven[0]]])
     if state.size == 1:
         course = scipy.signal.lfilter([1.0], [1.0, -float(onward[0, 0])], np.concatenate([state, driven]))
         return np.asarray(course)[None]

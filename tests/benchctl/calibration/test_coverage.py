@@ -27,7 +27,7 @@ def sine(frequency: float) -> Ask:
     return Ask(kind="sine", temperature=20.0, rate=100.0, frequency=frequency, seconds=20.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_each_coefficient_lies_in_its_interval_in_90_to_99_of_100_campaigns() -> None:
     asks = two_stage(verify=False)

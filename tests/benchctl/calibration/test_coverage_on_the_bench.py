@@ -5,7 +5,7 @@ import pytest
 from tests.benchmarks.coverage import coverage
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(1500)
 def test_each_simulated_coefficient_lies_inside_its_95_percent_interval_in_9_to_12_of_12_seeds() -> None:
     counts, trials = coverage(range(1, 13))  # `python -m tests.benchmarks` has a hundred

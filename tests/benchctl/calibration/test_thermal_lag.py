@@ -111,7 +111,7 @@ def test_a_lag_that_is_not_excluded_widens_the_budget_and_leaves_the_parameters_
     assert scale.says == "scale factor at T0 and low rates"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_after_short_soaks_the_truth_lies_within_u_at_the_stated_level(tmp_path: Path) -> None:
     missed: Counter[str] = Counter()

@@ -10,7 +10,7 @@ from tests.benchmarks.kills import AT_REST_DPS, PLANNED, run_trial, table
 CAMPAIGNS = 3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 def test_campaigns_that_are_killed_lose_no_step_leave_the_bench_safe_and_end_complete(tmp_path: Path) -> None:

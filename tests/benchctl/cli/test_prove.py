@@ -26,7 +26,7 @@ def test_the_sparse_regression_is_refused_where_it_is_asked_for_and_not_installe
     assert "pysindy is not installed; pip install 'benchctl[test]'" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(400)
 def test_two_sealed_trials_through_the_wires(tmp_path: Path) -> None:
     out, told = tmp_path / "proof", tmp_path / "proof.json"

@@ -148,7 +148,7 @@ def test_a_recording_whose_diagnosis_leaves_too_much_for_any_effect_is_refused_i
     assert "take one with more motion" in ran.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_most_added_effects_are_named_beside_what_is_there(plain: Path, tmp_path: Path) -> None:
     asked = ("--on", plain, "--trials", "4", "--seed", "3", "--out", tmp_path / "proof", "--json", tmp_path / "p.json")

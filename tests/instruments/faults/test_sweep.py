@@ -15,7 +15,7 @@ MOST = 80  # the digitizer's dialogue repeats itself from there on
 AT_ONCE = 4  # each mostly waits for a silent line
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("row", [row for row in ROWS if not row.like], ids=str)

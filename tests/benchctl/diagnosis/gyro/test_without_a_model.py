@@ -71,7 +71,7 @@ def swung(seed: int) -> Recording:
     return recording_of(channels, gyro_output_unit="deg/s", channel_units={"gyro_v": "deg/s"})
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize(
     "seed",
