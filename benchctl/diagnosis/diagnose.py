@@ -49,15 +49,16 @@ def diagnose(
 ) -> Diagnosis:
     """Find the effects that the lab's model of a part of the bench lacks, as far as the recording requires them.
 
-    Without `part`, it is the one that the recording is of (`part_of`).
-    `model` replaces the model that the recording names; hypotheses listed in `without` are not tested. `progress` is
-    called with the name of the hypothesis under test and the completed share.
+    Without `part`, it is the one that the recording is of. `model` replaces the model that the recording names;
+    hypotheses listed in `without` are not tested. `progress` is called with the name of the hypothesis under test and
+    the completed share.
 
     Raises `UsageError` if the recording names no model or has too few usable rows.
     """
     # our own threads use all cores; with several BLAS threads the last digits would depend on their number
     with threadpool_limits(limits=1, user_api="blas"):
-        return _diagnosis(recording, model, part or part_of(recording), seed, without, progress or (lambda _name, _share: None))
+        part, progress = part or part_of(recording), progress or (lambda _name, _share: None)
+        return _diagnosis(recording, model, part, seed, without, progress)
 
 
 def _diagnosis(

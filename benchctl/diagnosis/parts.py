@@ -18,7 +18,7 @@ from benchctl_instruments.errors import UsageError
 
 
 def part_of(recording: Recording) -> Part:
-    """Return the part of the bench that a recording is of: the drive or the chamber if it has no gyro, else the gyro."""
+    """Return the part of the bench that a recording is of: without a gyro the drive or the chamber, else the gyro."""
     channels = {name for info in recording.infos for name in recording.channels(info.index)}
     if any(name.startswith(("gyro", "frame", "point")) for name in channels):
         return "gyro"

@@ -40,7 +40,7 @@ _REFINED, _FITTED, _OF_ONE_PLACE, _MOST_PLACES = 30, 6, 3, 4
 _SIZED = 2
 _SHARPER = (0.2, 0.2)
 _CANCELLED = 2.0
-"""Largest range of what a structure adds, relative to the measured range; the rest of the model cancels a larger one."""
+"""Largest range of what a structure adds, relative to the measured range; other terms cancel a larger one."""
 _NOTHING = 1e-3
 """Tolerated loss on held-out steps, where the structure has no influence."""
 _KINDS = {
