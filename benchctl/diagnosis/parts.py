@@ -12,6 +12,7 @@ from benchctl.diagnosis.drive.rows import ANGLES, TORQUES
 from benchctl.diagnosis.gyro.points import has_points, points_problem
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.diagnosis.result import Part
+from benchctl.diagnosis.series import channel_names
 from benchctl.diagnosis.stepped import PartProblem
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.errors import UsageError
@@ -19,7 +20,7 @@ from benchctl_instruments.errors import UsageError
 
 def part_of(recording: Recording) -> Part:
     """Return the part of the bench that a recording is of: without a gyro the drive or the chamber, else the gyro."""
-    channels = {name for info in recording.infos for name in recording.channels(info.index)}
+    channels = channel_names(recording)
     if any(name.startswith(("gyro", "frame", "point")) for name in channels):
         return "gyro"
     if channels & {*ANGLES} and channels & {*TORQUES}:

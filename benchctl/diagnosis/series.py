@@ -132,8 +132,12 @@ def _check_units(recording: Recording, names: Sequence[str]) -> None:
 
 def channels_of(recording: Recording) -> str:
     """Return the names of all channels of a recording, for a message."""
-    names = {name for info in recording.infos for name in recording.channels(info.index)}
-    return ", ".join(sorted(names)) or "none"
+    return ", ".join(sorted(channel_names(recording))) or "none"
+
+
+def channel_names(recording: Recording) -> set[str]:
+    """Return the names of all channels of a recording."""
+    return {name for info in recording.infos for name in recording.channels(info.index)}
 
 
 def cut(infos: Sequence[StepInfo], step: IntArray, time_s: FloatArray) -> Pieces:

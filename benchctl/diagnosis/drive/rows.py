@@ -14,7 +14,7 @@ import numpy as np
 
 from benchctl.diagnosis.drive.spoilt import TURN_DEG, MovingRows, angle_period_of, put_right
 from benchctl.diagnosis.faults.fault import Fault
-from benchctl.diagnosis.series import Pieces, Series, cut, series_of, since_recorded_s
+from benchctl.diagnosis.series import Pieces, Series, channel_names, cut, series_of, since_recorded_s
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.runs import holding
 from benchctl.signals.blocks import block_mean, consecutive
@@ -162,7 +162,7 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
 
 def _series(recording: Recording, torque_constant_nm_per_a: float | None) -> Series:
     """Return the samples with the preferred motion channel and torque channel of the recording."""
-    available = set.union(set(), *(set(recording.channels(info.index)) for info in recording.infos))
+    available = channel_names(recording)
     angle = next((name for name in ANGLES if name in available), ANGLES[0])
     torque = next((name for name in TORQUES if name in available), TORQUES[0])
     series = series_of(recording, (angle, torque), polled=False)

@@ -431,8 +431,9 @@ def _cancels(problem: Structurable, fitted: Fit) -> bool:
     """
     effects, used = fitted.point.effects, problem.usable
     span = float(np.ptp(problem.measured[used]))
-    for place in (place for place, one in enumerate(effects) if isinstance(one, Structure)):
-        without_it = problem.predict(fitted.point.baseline, (*effects[:place], *effects[place + 1 :]))
-        if float(np.ptp((fitted.predicted - without_it)[used])) > _CANCELLED * span:
+    for structure in (one for one in effects if isinstance(one, Structure)):
+        others = tuple(one for one in effects if one is not structure)
+        adds = fitted.predicted - problem.predict(fitted.point.baseline, others)
+        if float(np.ptp(adds[used])) > _CANCELLED * span:
             return True
     return False

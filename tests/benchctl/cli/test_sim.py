@@ -24,10 +24,10 @@ from tests.instruments.chambers.lab_controllers import ACME
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="a pty is a thing of POSIX")
 
 
-def bench_with(path: Path, kind: str, model: str, more: str = "") -> Path:
-    """A bench.toml of simulated instruments, one of them of another model; `more` goes into its table."""
-    usual = {"chamber": "watlow_f4t", "rate_table": "acutrol3000"}[kind]
-    path.write_text(template().replace(f'model = "{usual}"', f'model = "{model}"\n{more}'))
+def bench_with(path: Path, chamber: str, more: str = "", *, table: str = "acutrol3000") -> Path:
+    """A bench.toml of simulated instruments with this chamber and rate table; `more` goes into the chamber's table."""
+    bench = template().replace('model = "watlow_f4t"', f'model = "{chamber}"\n{more}')
+    path.write_text(bench.replace('model = "acutrol3000"', f'model = "{table}"'))
     return path
 
 
@@ -82,7 +82,7 @@ def test_the_bench_file_that_it_writes_finds_a_profile_of_the_labs_own_from_anot
 
 @needs_terminals
 def test_the_serial_chamber_answers_a_foreign_modbus_client_on_its_pty(tmp_path: Path) -> None:
-    bench = bench_with(tmp_path / "serial.toml", "chamber", "watlow_f4", "options = {unit_id = 7}")
+    bench = bench_with(tmp_path / "serial.toml", "watlow_f4", "options = {unit_id = 7}")
     with started("sim", "--bench", bench) as process:
         assert process.stdout is not None
         address = json.loads(process.stdout.readline())["chamber"]
@@ -100,7 +100,7 @@ def test_somebody_at_miniterm_sets_the_p300_on_its_serial_line_as_the_handbook_s
     (shown,) = handbook("first_campaign", "console")
     dialogue = re.findall(r"^> (.*?) {2,}(.*)$", shown.text, re.M)
     assert len(dialogue) >= 7
-    bench = bench_with(tmp_path / "bench.toml", "chamber", "espec_p300", 'address = "serial:///dev/ttyUSB0?baud=9600"')
+    bench = bench_with(tmp_path / "bench.toml", "espec_p300", 'address = "serial:///dev/ttyUSB0?baud=9600"')
     with started("sim", "--bench", bench, "--speed", "60", "--write-bench", tmp_path / "sim.toml") as process:
         assert process.stdout is not None
         address = json.loads(process.stdout.readline())["chamber"]
@@ -120,7 +120,7 @@ def test_somebody_at_miniterm_sets_the_p300_on_its_serial_line_as_the_handbook_s
 
 
 def test_options_that_no_driver_takes_are_refused_before_anything_is_served(tmp_path: Path) -> None:
-    bench = bench_with(tmp_path / "b.toml", "chamber", "watlow_f4", "options = {unit = 7}")
+    bench = bench_with(tmp_path / "b.toml", "watlow_f4", "options = {unit = 7}")
     ended = without_a_process("sim", "--bench", bench)
     assert (ended.returncode, ended.stdout) == (2, "")
     assert "chamber.options: watlow_f4 has no option 'unit': did you mean unit_id?" in ended.stderr
@@ -137,9 +137,7 @@ def test_options_that_no_driver_takes_are_refused_before_anything_is_served(tmp_
 def test_a_run_beside_the_servers_is_complete_with_every_chamber_and_every_table(
     chamber: str, table: str, tmp_path: Path
 ) -> None:
-    bench = bench_with(tmp_path / "bench.toml", "chamber", chamber)
-    bench.write_text(bench.read_text().replace('model = "acutrol3000"', f'model = "{table}"'))
-    run_beside_the_servers(bench, speed=100.0)
+    run_beside_the_servers(bench_with(tmp_path / "bench.toml", chamber, table=table), speed=100.0)
 
 
 @needs_terminals
