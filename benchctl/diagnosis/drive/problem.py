@@ -34,6 +34,8 @@ _BEYOND_NOISE = 4.0
 """Noise deviations by which a torque at rest must exceed the friction limit to count."""
 _SLOWEST_DELAY_S = 0.1
 """Maximum delay of the torque: converters, buses and filters are faster."""
+_FEWEST_SLOW = 20
+"""Minimum moving rows in which a period over the angle lasts two rows or longer; faster rows average it out."""
 _TIMES_LARGEST = 3.0
 """Maximum size of a torque component relative to the largest torque; components may cancel each other."""
 _SHORTEST_LAG, _LONGEST_LAG = 0.02, 5.0
@@ -276,14 +278,16 @@ def _bounded_kinds(rows: DriveRows) -> Iterator[tuple[str, type[DescribedEffect]
     largest = _TIMES_LARGEST * float(np.abs(rows.torque_nm).max())
     lasts_s = float(rows.run_s.max())
     turned = max(float(np.ptp(rows.angle_deg[run])) for run in rows.runs)
+    slow_rad_s = float(np.sort(np.abs(rows.means(rows.rate_rad_s)[rows.moving]))[_FEWEST_SLOW - 1])
     limits = {
         "tau_s": (_SHORTEST_LAG * lasts_s, _LONGEST_LAG * lasts_s),
         "velocity_rad_s": (0.0, float(np.abs(rows.rate_rad_s).max()) / 2.0),
         "delay_s": (-_SLOWEST_DELAY_S, _SLOWEST_DELAY_S),
-        "order": (720.0 / turned, 360.0),  # an angle passed only once shows no repetition
+        # an angle passed only once shows no repetition, and a row is the mean of its samples
+        "order": (720.0 / turned, math.pi / (slow_rad_s * BLOCK * rows.sample_interval_s)),
         **dict.fromkeys(("coulomb_nm", "breakaway_nm", "moment_nm", "amplitude_nm", "offset_nm"), (-largest, largest)),
     }
     for name, kind in drive_effects().items():
         orders = kind.parameters["order"].scan if "order" in kind.parameters else ()
-        if not orders or max(orders) >= limits["order"][0]:
+        if not orders or any(limits["order"][0] <= order <= limits["order"][1] for order in orders):
             yield name, kind.within(limits)

@@ -109,6 +109,18 @@ def test_at_one_rate_friction_of_any_kind_is_not_observable_and_nothing_is_found
     assert any("one rate only" in remark for remark in problem.remarks(none, none, problem.usable))
 
 
+def test_a_ripple_is_looked_for_only_up_to_the_order_that_the_slowest_rows_resolve() -> None:
+    def highest_order(steady: float) -> float:
+        problem = drive_problem(recording_of(drive_channels(Truth(swing=0.02, steady=steady), 1, seconds=30.0)))
+        found = problem.effects.get("cogging_torque")
+        return 0.0 if found is None else found.parameters["order"].scan[-1]
+
+    # the table turns at 0.3, 7 and 70 rad/s; in a row of 0.05 s half a turn of order 9 passes at 7 rad/s
+    assert highest_order(0.01) == 72.0
+    assert 9.0 <= highest_order(0.2) <= 40.0
+    assert highest_order(2.0) == 0.0
+
+
 def test_a_current_is_a_torque_by_the_constant_of_the_model() -> None:
     channels = drive_channels(Truth(coulomb=0.02), 1, seconds=30.0)
     by_torque = drive_problem(recording_of(channels))
