@@ -57,8 +57,9 @@ def fleet(
         Path | None, toml_option("--model", "diagnose: the lab's model of the part; default: each recording's own.")
     ] = None,
     part: Annotated[
-        Literal["gyro", "drive", "chamber"], typer.Option(help="diagnose: the part of the bench.")
-    ] = "gyro",
+        Literal["gyro", "drive", "chamber"] | None,
+        typer.Option(help="diagnose: the part of the bench; default: that of each recording."),
+    ] = None,
     seed: Annotated[
         int,
         typer.Option(
@@ -123,7 +124,7 @@ def _options(
     limits: Path | None,
     language: str,
     model: Path | None,
-    part: Literal["gyro", "drive", "chamber"],
+    part: Literal["gyro", "drive", "chamber"] | None,
     seed: int,
 ) -> Options:
     """Return the options of the verb; raise `UsageError` for options of another verb and for unusable files."""
@@ -136,7 +137,7 @@ def _options(
         "--limits": ("accept", limits is not None),
         "--lang": ("accept", language != "en"),
         "--model": ("diagnose", model is not None),
-        "--part": ("diagnose", part != "gyro"),
+        "--part": ("diagnose", part is not None),
         "--seed": ("diagnose", seed != 0),
     }
     for name, (owner, given) in owners.items():

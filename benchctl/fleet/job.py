@@ -31,7 +31,7 @@ class Options:
     limits: Limits | None = None
     language: str = "en"
     model: tuple[str, str] | None = None
-    part: Part = "gyro"
+    part: Part | None = None
     seed: int = 0
 
     def relevant(self, verb: FleetVerb) -> dict[str, str]:
@@ -44,7 +44,7 @@ class Options:
             case "diagnose":
                 name, text = self.model or ("", "")
                 digest = hashlib.sha256(text.encode()).hexdigest() if name else ""
-                return {"model": f"{name} {digest}".strip(), "part": self.part, "seed": str(self.seed)}
+                return {"model": f"{name} {digest}".strip(), "part": self.part or "", "seed": str(self.seed)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

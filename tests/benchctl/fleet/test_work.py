@@ -11,7 +11,11 @@ from pathlib import Path
 import benchctl
 from benchctl.app.fit import fit
 from benchctl.fleet.job import Job, JobOutcome, kept, record_name
+from benchctl.fleet.places import place_of
 from benchctl.fleet.work import work
+from benchctl.recordings.writer import write_recording
+from tests.benchctl.diagnosis.made_drive import Truth, drive_channels
+from tests.benchctl.diagnosis.made_recording import recording_of
 from tests.benchctl.fleet.made import job_of, points
 
 
@@ -33,6 +37,14 @@ def test_the_results_are_those_of_the_single_verb_and_a_record_says_what_was_don
     assert outcome.record is not None
     assert {one.name: one.value for one in outcome.record.stated.figures}["K0_v_per_dps"] == K0
     assert sorted(one.name for one in tmp_path.iterdir()) == ["a.fit", "a.h5", "single"]
+
+
+def test_a_diagnosis_is_of_the_part_that_the_recording_has(tmp_path: Path) -> None:
+    drive = recording_of(drive_channels(Truth(coulomb=0.03), 1, seconds=30.0))
+    write_recording(tmp_path / "drive.h5", drive.meta, drive.steps())
+    job = replace(job_of(tmp_path / "drive.h5"), verb="diagnose")
+    do(replace(job, place=place_of(job.recording, "diagnose", None)))
+    assert json.loads((tmp_path / "drive.diagnosis" / "diagnosis.json").read_text())["part"] == "drive"
 
 
 def test_what_is_fetched_is_fitted_alike_and_named_by_its_url(tmp_path: Path) -> None:
