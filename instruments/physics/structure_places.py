@@ -211,6 +211,14 @@ OVER: Mapping[str, _Over] = {
         phrase="the table's angle",
         values=lambda signals: np.mod(signals.angle_deg, 360.0),
     ),
+    "swing_angle": _Over(
+        word="angle",
+        unit="degree",
+        printed="°",
+        phrase="the table's angle",
+        values=lambda signals: np.mod(signals.angle_deg + 180.0, 360.0) - 180.0,
+        signed=True,
+    ),
     "gyro_temp": _Over(
         word="gyro_temp",
         unit="degC",

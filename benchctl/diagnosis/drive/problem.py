@@ -38,6 +38,8 @@ _FEWEST_SLOW = 20
 """Minimum moving rows in which a period over the angle lasts two rows or longer; faster rows average it out."""
 _TIMES_LARGEST = 3.0
 """Maximum size of a torque component relative to the largest torque; components may cancel each other."""
+_SWINGS = 0.8
+"""Range of the angles from −180 to 180°, relative to that from 0 to 360°, below which a table swings about 0."""
 _SHORTEST_LAG, _LONGEST_LAG = 0.02, 5.0
 """Range, in shares of the longest run, in which a time constant is observable."""
 
@@ -242,6 +244,10 @@ def drive_problem(
         raise UsageError(
             f"{recording.path}: the torque is 0 throughout; name its column in the import's map, or record it"
         )
+    along = _coordinates(rows.time_s, rows.means(rows.angle_deg), rate, acceleration)
+    swing_deg = along.pop("swing_angle")
+    if np.ptp(swing_deg[rows.moving]) < _SWINGS * np.ptp(along["angle"][rows.moving]):
+        along["angle"] = swing_deg
     return DriveProblem(
         rows=rows,
         effects={name: kind for name, kind in _bounded_kinds(rows) if name not in without},
@@ -251,7 +257,7 @@ def drive_problem(
         full_scale=full_scale,
         noise=white_noise_of(rows.torque_nm),
         coordinates={
-            **_coordinates(rows.time_s, rows.means(rows.angle_deg), rate, acceleration),
+            **along,
             "rate_sign": np.where(rows.moving, np.sign(rate), 0.0),
             "output": rows.torque_nm,
             "step": rows.infos_of_rows.step.astype(np.float64),
@@ -261,8 +267,11 @@ def drive_problem(
 
 def _coordinates(
     time_s: FloatArray, angle_deg: FloatArray, rate_rad_s: FloatArray, acceleration_rad_s2: FloatArray
-) -> Mapping[str, FloatArray]:
-    """Return the coordinates on which an unnamed torque may depend, as structures define them; arrays of one shape."""
+) -> dict[str, FloatArray]:
+    """Return the coordinates on which an unnamed torque may depend, as structures define them; arrays of one shape.
+
+    `angle` is from 0 to 360°, `swing_angle` from −180 to 180°.
+    """
     return {
         "time": time_s,
         "rate": np.degrees(rate_rad_s),
@@ -270,6 +279,7 @@ def _coordinates(
         "rate_sign": np.sign(rate_rad_s),
         "acceleration": np.degrees(acceleration_rad_s2),
         "angle": np.mod(angle_deg, 360.0),
+        "swing_angle": np.mod(angle_deg + 180.0, 360.0) - 180.0,
     }
 
 

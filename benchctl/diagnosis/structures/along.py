@@ -72,6 +72,8 @@ _ALIKE: Mapping[tuple[StructureStage, str], tuple[str, ...]] = {
 The baseline has slopes there, with which a bend equals a kink, or a named effect has this shape. A spline would follow
 a disturbance.
 """
+_TWO_STEPS = (("torque", "angle"), ("torque", "swing_angle"), ("heat", "chamber_temp"))
+"""Stages and coordinates, apart from those over time and the gyro's temperature, with independent pairs of steps."""
 _OF_LOSS = ("plateau",)
 """Shapes of a loss over time: a chamber that is opened and closed. A single step of the loss has a name."""
 Place = tuple[StructureStage, str, str]
@@ -117,7 +119,7 @@ def everywhere(alongs: Sequence[Along]) -> Iterator[Begun]:
         stage, _, times = one.place
         if times or stage == "loss":
             continue
-        if over in ("time", "gyro_temp") or (stage, over) in (("torque", "angle"), ("heat", "chamber_temp")):
+        if over in ("time", "gyro_temp") or (stage, over) in _TWO_STEPS:
             yield from one.two_steps()
         if over == "time":
             yield from one.bursts() if one.information.ndim == 1 else _best("bursts", list(_cycles(span)), [one])

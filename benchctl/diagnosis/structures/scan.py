@@ -49,7 +49,7 @@ _OF_STAGE: Mapping[StructureStage, tuple[str, ...]] = {
     "scale": ("gyro_temp", "gyro_temp_rate", "time", "angle", "chamber_temp", "setpoint", "abs_rate", "last_sign"),
     "bias": tuple(OVER),
     "sampling": ("gyro_temp", "gyro_temp_rate", "time", "abs_rate"),
-    "torque": ("time", "angle", "rate", "abs_rate", "rate_sign", "acceleration"),
+    "torque": ("time", "angle", "swing_angle", "rate", "abs_rate", "rate_sign", "acceleration"),
 }
 """Coordinates over which structures of a stage are searched."""
 _MOST_JUMPS = 6
@@ -113,6 +113,8 @@ def coordinates_of(problem: Structurable, fitted: Fit) -> dict[str, FloatArray]:
     """
     values = {name: one for name, one in problem.coordinates.items() if name in OVER} | {"output": fitted.predicted}
     values["time"] = problem.clock_s
+    if isinstance(problem, DriveProblem) and float(values["angle"].min()) < 0.0:
+        values["swing_angle"] = values.pop("angle")
     if isinstance(problem, GyroProblem):
         frame, band = problem.frame, problem.band
         made = {"last_sign": last_sign(frame.rate_dps)}

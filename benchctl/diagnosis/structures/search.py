@@ -49,6 +49,7 @@ _KINDS = {
     "chamber_temp": "temperature",
     "setpoint": "temperature",
     "angle": "angle",
+    "swing_angle": "angle",
     "time": "time",
 }
 _MOTION = "motion"

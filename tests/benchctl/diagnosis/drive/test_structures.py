@@ -15,7 +15,7 @@ from benchctl.recordings.reader import join
 from benchctl.reports.diagnosis_page import write_diagnosis_report
 from benchctl.reports.mismatch_figures import curve_figure
 from benchctl_instruments.errors import UsageError
-from tests.benchctl.diagnosis.made_drive import Truth, drive_channels
+from tests.benchctl.diagnosis.made_drive import INERTIA, VISCOUS, Truth, drive_channels
 from tests.benchctl.diagnosis.made_recording import recording_of
 
 
@@ -139,6 +139,24 @@ def test_time_is_counted_in_each_of_two_joined_recordings() -> None:
     assert model.identifier == "plateau_of_torque_over_time"
     assert model.parameters["at"].value == pytest.approx(30.0, abs=0.2)
     assert model.parameters["change"].value == pytest.approx(0.015, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_joint_that_swings_about_zero_has_one_rough_place_there_where_its_encoder_goes_from_360_to_0() -> None:
+    noise, time_s = np.random.default_rng(3), np.arange(30_000) / 500.0
+    angle_deg = 40.0 * np.sin(0.9 * time_s) + 15.0 * np.sin(0.31 * time_s + 1.0)
+    rate_dps = np.gradient(angle_deg, time_s)
+    torque_nm = np.radians(INERTIA * np.gradient(rate_dps, time_s) + VISCOUS * rate_dps)
+    torque_nm += 0.01 * np.exp(-0.5 * ((angle_deg + 2.0) / 4.0) ** 2) + noise.normal(0.0, 0.003, time_s.size)
+    encoder_deg = np.mod(angle_deg + noise.normal(0.0, 0.5 / 3600.0, time_s.size), 360.0)
+    found = diagnose(
+        recording_of({"time_s": time_s, "encoder_deg": encoder_deg, "torque_nm": torque_nm}), part="drive"
+    )
+    assert found.findings == ()
+    (model,) = found.unexplained.models
+    assert (model.identifier, model.coordinates) == ("bump_of_torque_over_swing_angle", ("angle",))
+    for name, value in (("change", 0.01), ("at", -2.0), ("width", 4.0)):
+        assert model.parameters[name].value == pytest.approx(value, rel=0.05)
 
 
 def test_at_one_constant_rate_no_function_of_angle_or_rate_cancels_one_of_time() -> None:
