@@ -18,6 +18,7 @@ from __future__ import annotations
 import difflib
 import importlib
 import importlib.util
+import math
 import pkgutil
 from functools import partial
 from pathlib import Path
@@ -84,6 +85,23 @@ def oscillates(model: str) -> bool:
         return bool(getattr(driver("rate_table", model), "oscillates", True))
     except UsageError:
         return True
+
+
+def counts_encoder(model: str) -> bool:
+    """Return whether digitizers of this model have an input for an encoder; True if the model is unknown."""
+    return bool(_of_digitizer(model, "counts_encoder", True))
+
+
+def fastest_hz(model: str) -> float:
+    """Return the highest scan rate of digitizers of this model [Hz]; infinite if the driver does not state it."""
+    return float(_of_digitizer(model, "FASTEST_HZ", math.inf))
+
+
+def _of_digitizer(model: str, name: str, usual: object) -> Any:
+    try:
+        return getattr(driver("digitizer", model), name, usual)
+    except UsageError:
+        return usual
 
 
 def twin(kind: Kind, model: str, profile: str = "") -> Any:

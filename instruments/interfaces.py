@@ -178,7 +178,11 @@ class SingleScan:
 
 
 class Digitizer(Instrument, Protocol):
-    """A digitizer that samples the encoder's count, the gyro's volts and its thermistor in one hardware-timed scan."""
+    """A digitizer that samples the encoder's count, the gyro's volts and its thermistor in one hardware-timed scan.
+
+    A driver whose instrument has no input for an encoder has the class attribute `counts_encoder = False`, and each
+    count is 0. A driver of a slow instrument has `FASTEST_HZ`, its highest scan rate.
+    """
 
     def read_once(self) -> SingleScan:
         """Return one reading of each input; no stream may be running."""

@@ -16,7 +16,7 @@ from benchctl.certificates import Expired, expired
 from benchctl.plan import Plan, Soak, Step, ThermalRamp
 from benchctl.plan.steps import Polled, faults
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
-from benchctl_instruments.catalog import oscillates
+from benchctl_instruments.catalog import counts_encoder, fastest_hz, oscillates
 from benchctl_instruments.errors import UsageError
 
 _NUMBER = re.compile(r"[+-]?\d[\d.e+-]*")
@@ -109,6 +109,8 @@ def _beyond(step: Step, bench: Bench, sinusoids: bool) -> Iterator[str]:
                 "(limits.coldest_c, limits.hottest_c)"
             )
     rate_hz = bench.digitizer.sample_rate_hz
+    if not isinstance(step, Polled):
+        yield from _beyond_digitizer(step, bench)
     if not isinstance(step, Polled) and round(step.streamed_s * rate_hz) == 0:
         yield f"is too short for a single sample at {rate_hz:g} Hz; make it longer"
     if isinstance(step, ThermalRamp) and step.ramp_c_per_min > limits.ramp_c_per_min:
@@ -116,6 +118,22 @@ def _beyond(step: Step, bench: Bench, sinusoids: bool) -> Iterator[str]:
             f"ramps at {step.ramp_c_per_min:g} °C/min, the bench's limit is {limits.ramp_c_per_min:g} °C/min "
             "(limits.ramp_c_per_min)"
         )
+
+
+def _beyond_digitizer(step: Step, bench: Bench) -> Iterator[str]:
+    model, rate_hz = bench.digitizer.model, bench.digitizer.sample_rate_hz
+    if rate_hz > (most_hz := fastest_hz(model)):
+        yield (
+            f"is recorded at {rate_hz:g} Hz, and the bench's digitizer, {model}, scans at most {most_hz:g} times a "
+            "second; lower sample_rate_hz in [digitizer]"
+        )
+    if not counts_encoder(model) and step.peak_acceleration_dps2:
+        yield (
+            f"swings, and the bench's digitizer, {model}, counts no encoder and is too slow for sinusoids; take a "
+            "procedure of constant rates (rate_sweep, temperature_sweep) or one at rest (static)"
+        )
+    if not counts_encoder(model) and bench.by_hand:
+        yield f"turns by hand, measured by the encoder, and the bench's digitizer, {model}, counts none; take another"
 
 
 def _temperatures(step: Step) -> tuple[float, ...]:

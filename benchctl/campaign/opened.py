@@ -17,7 +17,8 @@ from benchctl.campaign.hands import Hands, NoHands, SimulatedHands, hands_at_the
 from benchctl.campaign.reserved import reserved
 from benchctl.closeness import meant
 from benchctl.processors import on_one_processor
-from benchctl_instruments.catalog import Kind, driver
+from benchctl_instruments.catalog import Kind, counts_encoder, driver
+from benchctl_instruments.digitizers.table_angle import TableAngleDigitizer
 from benchctl_instruments.errors import BenchError, BenchNotReadyError, UsageError
 from benchctl_instruments.interfaces import Chamber, Clock, Digitizer, Gyro, Identity, Instrument, RateTable
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
@@ -214,14 +215,22 @@ def drivers_at(bench: Bench, clock: Clock, addresses: Mapping[str, str]) -> dict
     """Return the drivers of a bench, not yet opened, at these or their own addresses; `UsageError` for bad options."""
     wired = [name for name in bench.entries if name != "rate_table" or not bench.by_hand]
     found: dict[str, Any] = {kind: driver_at(bench, cast("Kind", kind), clock, addresses) for kind in wired}
-    return found | (_turned_by_hand(bench, clock, found["digitizer"]) if bench.by_hand else {})
+    if bench.by_hand:
+        return found | _turned_by_hand(bench, clock, found["digitizer"])
+    if not counts_encoder(bench.digitizer.model):
+        found["digitizer"] = TableAngleDigitizer(
+            found["digitizer"], found["rate_table"], clock=clock, degrees_per_count=_degrees_per_count(bench)
+        )
+    return found
+
+
+def _degrees_per_count(bench: Bench) -> float:
+    return bench.digitizer.encoder_sign * 360.0 / bench.digitizer.encoder_counts_per_rev
 
 
 def _turned_by_hand(bench: Bench, clock: Clock, digitizer: Digitizer) -> dict[str, Any]:
     """Return the driver of a manual table, and the digitizer that measures its motion."""
-    entry = bench.digitizer
-    degrees_per_count = entry.encoder_sign * 360.0 / entry.encoder_counts_per_rev
-    watched = WatchedDigitizer(digitizer, clock=clock, degrees_per_count=degrees_per_count)
+    watched = WatchedDigitizer(digitizer, clock=clock, degrees_per_count=_degrees_per_count(bench))
     table = _driver("rate_table", bench.rate_table, clock, {}, {"encoder": watched})
     return {"rate_table": table, "digitizer": watched}
 
@@ -231,8 +240,9 @@ def driver_at(bench: Bench, kind: Kind, clock: Clock, addresses: Mapping[str, st
     more: dict[str, Any] = {}
     if kind == "digitizer":
         entry = bench.digitizer
-        fastest_counts_per_s = FASTEST * bench.limits.rate_dps / 360.0 * entry.encoder_counts_per_rev
-        more = {"range_v": entry.adc_range_v, "fastest_counts_per_s": fastest_counts_per_s}
+        more = {"range_v": entry.adc_range_v}
+        if counts_encoder(entry.model):
+            more["fastest_counts_per_s"] = FASTEST * bench.limits.rate_dps / 360.0 * entry.encoder_counts_per_rev
         stream = addresses.get("digitizer_stream", entry.stream_address)
         if stream is not None:
             more["stream_address"] = stream

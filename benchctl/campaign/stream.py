@@ -125,8 +125,9 @@ class LastingStream:
 POLL_CHANNELS = ("poll_time_s", "poll_chamber_temp_c", "poll_chamber_setpoint_c")
 STREAM_CHANNELS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", *POLL_CHANNELS)
 
-IN_FLIGHT_SCANS = 128
-"""Scans that may wait in a packet that is not yet full: so many are not read until later."""
+IN_FLIGHT_SCANS, IN_FLIGHT_S = 128, 0.256
+"""Scans that may wait in a packet that is not yet full, and the longest time that they do: so many are not read until
+later."""
 
 PATIENCE = 0.5
 """Share of `silence_s` to wait for scans before the table and the chamber are looked at again."""
@@ -149,12 +150,13 @@ class StreamRecorder:
     def __init__(self, opened: OpenBench, supervisor: Supervisor, into: StepWriter, step: Step) -> None:
         self._opened, self._supervisor, self._into = opened, supervisor, into
         entry = opened.bench.digitizer
+        self._in_flight = min(IN_FLIGHT_SCANS, math.ceil(IN_FLIGHT_S * entry.sample_rate_hz))
         self._stream = LastingStream(
             opened.digitizer,
             opened.clock,
             rate_hz=entry.sample_rate_hz,
             patience_s=PATIENCE * opened.bench.limits.silence_s,
-            first_scans_s=min(opened.clock.chunk_s, (IN_FLIGHT_SCANS + 1) / entry.sample_rate_hz),
+            first_scans_s=min(opened.clock.chunk_s, (self._in_flight + 1) / entry.sample_rate_hz),
             beat=supervisor.guard.beat,
         )
         self._begin_s = opened.clock.now()
@@ -194,9 +196,9 @@ class StreamRecorder:
         """Bench time to wait before the next `take`."""
         if self._silent:  # else a step whose time is over would be read without a pause
             return self._opened.clock.chunk_s
-        needed_s = (self._wanted + IN_FLIGHT_SCANS + 1) / self._stream.rate_hz
+        needed_s = (self._wanted + self._in_flight + 1) / self._stream.rate_hz
         elapsed_s = self._opened.clock.now() - self._begin_s
-        return max(1 / self._stream.rate_hz, min(self._opened.clock.chunk_s, needed_s - elapsed_s))
+        return min(self._opened.clock.chunk_s, max(1 / self._stream.rate_hz, needed_s - elapsed_s))
 
     def take(self) -> None:
         """Read the scans that are due and write them; fewer while the digitizer is briefly silent.
@@ -204,7 +206,7 @@ class StreamRecorder:
         Raises `StepError` if the encoder shows another motion than the step demands.
         """
         elapsed_s = self._opened.clock.now() - self._begin_s
-        due = min(self._wanted, int(elapsed_s * self._stream.rate_hz) - IN_FLIGHT_SCANS)
+        due = min(self._wanted, int(elapsed_s * self._stream.rate_hz) - self._in_flight)
         while self._next_index < due:
             block = self._supervisor.ask("digitizer", lambda: self._stream.read(due - self._next_index))
             self._silent = block is None

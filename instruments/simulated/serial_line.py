@@ -179,14 +179,16 @@ class LineConversation:
         return b"".join(map(self._answer, lines))
 
 
-def line_conversation(execute: Callable[[str], str | None], *, encoding: str = "ascii") -> LineConversation:
+def line_conversation(
+    execute: Callable[[str], str | None], *, encoding: str = "ascii", end: bytes = b"\r\n"
+) -> LineConversation:
     """Return a connection whose lines end with CR, LF or both, as terminals send them.
 
-    An answer may have several lines; None is no answer.
+    An answer may have several lines, each with `end`; None is no answer.
     """
 
     def answer(line: str) -> bytes:
-        return b"".join(encode_line(text, encoding=encoding) for text in (execute(line) or "").splitlines())
+        return b"".join(encode_line(text, end, encoding=encoding) for text in (execute(line) or "").splitlines())
 
     return LineConversation(answer, LineCutter(None, encoding=encoding))
 
@@ -243,6 +245,8 @@ class LineServer(Served):
         The speed of the serial line.
     encoding
         Of the lines.
+    end
+        The end of each answer.
     host, port
         Where to listen, `over_tcp`; several clients may use it at once.
     pace_baud
@@ -258,11 +262,12 @@ class LineServer(Served):
         over_tcp: bool,
         baud: int = 9600,
         encoding: str = "ascii",
+        end: bytes = b"\r\n",
         host: str = "127.0.0.1",
         port: int = 0,
         pace_baud: int | None = None,
     ) -> None:
-        connect = partial(line_conversation, execute, encoding=encoding)
+        connect = partial(line_conversation, execute, encoding=encoding, end=end)
         super().__init__(
             TcpServer(connect, host=host, port=port, pace_baud=pace_baud)
             if over_tcp

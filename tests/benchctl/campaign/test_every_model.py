@@ -15,7 +15,7 @@ from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import run_campaign
 from benchctl.plan import ConstantRate, Plan, Soak
 from benchctl.recordings.reader import open_recording
-from benchctl_instruments.catalog import MANUAL, Kind, models
+from benchctl_instruments.catalog import MANUAL, Kind, fastest_hz, models
 from benchctl_instruments.errors import UsageError
 
 SOAKED_TO_C = 24.0
@@ -44,12 +44,16 @@ WIRED = [
     ("chamber", "weiss_ascii2", {}, "tcp://10.0.0.7:2049"),
     ("rate_table", "newport_esp301", {}, BOX),
     ("digitizer", "labjack_t7", {"encoder_channel": 6, "gyro_ain": 4, "thermistor_ain": 0}, None),
+    ("digitizer", "keithley_daq6510", {"gyro_channel": 120, "thermistor_channel": 103}, "tcp://10.0.0.8:5025"),
+    ("digitizer", "keysight_34970a", {"gyro_channel": 105, "thermistor_channel": 101}, TTY),
 ]
 
 
 def bench_with(kind: str, model: str, options: dict[str, Any], address: str | None) -> Bench:
     document = load_bench("simulated").model_dump()
     document[kind] |= {"model": model, "options": options, "address": address}
+    if kind == "digitizer":
+        document[kind]["sample_rate_hz"] = min(document[kind]["sample_rate_hz"], fastest_hz(model))
     if model == MANUAL:
         del document["limits"]["motion_error_percent"]  # its default is another one
     return Bench.model_validate(document)
