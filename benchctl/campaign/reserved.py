@@ -85,10 +85,14 @@ def lock_files(address: str) -> tuple[Path, ...]:
     True
     >>> lock_files("serial:///dev/ttyS1?baud=9600") == lock_files("serial:///dev/ttyS1?baud=19200")
     True
+    >>> lock_files("visa://GPIB0::7::INSTR") == lock_files("visa://gpib0::7::instr")
+    True
     """
     where = parse_address(address)
     if where.scheme == "serial":
         places = _port(where.device)
+    elif where.scheme == "visa":
+        places = {f"visa:{where.device.upper()}"}
     else:
         places = {f"{host}:{where.port}" for host in _hosts(where.host)}
     return tuple(sorted(lock_folder() / f"{_file_name(place)}.lock" for place in places))

@@ -116,7 +116,7 @@ def _failed(bench: Bench, role: Kind, entry: InstrumentEntry, address: Address, 
         yield bad(role, "driver", f"{entry.model} failed with {type(error).__name__}: {_line(error)}", do)
         return
     reached: Reached | None = None
-    if address.scheme != "serial" and not attempt.heard:
+    if address.scheme in ("tcp", "socket") and not attempt.heard:
         reached = reach(address.host, address.port)
         finding = reach_finding(role, address, entry.model, reached)
         yield finding

@@ -73,7 +73,7 @@ class ScanningMeter(Instrument, ABC):
     Parameters
     ----------
     address
-        `tcp://HOST:5025`, `serial://DEVICE?baud=N` or `socket://HOST:PORT`.
+        `tcp://HOST:5025`, `serial://DEVICE?baud=N`, `socket://HOST:PORT` or `visa://GPIB0::9::INSTR`.
     clock
         The clock of `StreamStart.start_s`; the instrument itself has no counter that runs on between two streams.
     gyro_channel, thermistor_channel

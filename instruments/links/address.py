@@ -1,8 +1,9 @@
-"""Addresses of instruments: `tcp://HOST:PORT`, `serial://DEVICE?baud=N`, `socket://HOST:PORT`.
+"""Addresses of instruments: `tcp://HOST:PORT`, `serial://DEVICE?baud=N`, `socket://HOST:PORT`, `visa://RESOURCE`.
 
 `tcp://` is a plain TCP connection. `serial://` is a port of this machine (`serial:///dev/ttyUSB0?baud=19200`,
 `serial://COM3?baud=9600`). `socket://` is a serial line at the far end of a TCP connection, opened by pyserial's
-handler of that name: a serial-to-Ethernet box, or a simulated instrument.
+handler of that name: a serial-to-Ethernet box, or a simulated instrument. `visa://` is a resource of VISA, for drivers
+whose instruments answer in lines: `visa://GPIB0::7::INSTR`.
 """
 
 from __future__ import annotations
@@ -14,18 +15,22 @@ from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from benchctl_instruments.errors import LinkError, UsageError
 
-_EXPECTED = "expected tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=19200, serial://COM3?baud=9600 or socket://HOST:PORT"
+_EXPECTED = (
+    "expected tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=19200, serial://COM3?baud=9600, socket://HOST:PORT or"
+    " visa://GPIB0::7::INSTR"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Address:
     """A parsed address; `str()` returns the original text.
 
-    `host` and `port` are set for tcp and socket, `device` for serial. `baud` is None if the address does not state it.
+    `host` and `port` are set for tcp and socket, `device` for serial and visa. `baud` is None if the address does not
+    state it.
     """
 
     text: str
-    scheme: Literal["tcp", "serial", "socket"]
+    scheme: Literal["tcp", "serial", "socket", "visa"]
     host: str = ""
     port: int = 0
     device: str = ""
@@ -39,6 +44,11 @@ class Address:
         """The URL for `serial.serial_for_url`; for serial and socket addresses."""
         return self.device if self.scheme == "serial" else self.text
 
+    @property
+    def is_gpib(self) -> bool:
+        """Whether it is a GPIB instrument, reached through VISA."""
+        return self.scheme == "visa" and self.device.upper().startswith("GPIB")
+
     def left_out(self, err: LinkError) -> str:
         """Return a link's error message without the address, for an error that already names the address."""
         return str(err).removeprefix(f"{self}: ")
@@ -50,6 +60,8 @@ def parse_address(text: str) -> Address:
         parts = urlsplit(text)
         if parts.scheme == "serial":
             return _serial_address(text, parts)
+        if parts.scheme == "visa":
+            return _visa_address(text)
         if parts.scheme == "tcp":
             return Address(text=text, scheme="tcp", host=_host(parts), port=_port(parts))
         if parts.scheme == "socket":
@@ -80,6 +92,13 @@ def _port(parts: SplitResult) -> int:
     if not port:
         raise ValueError("the port is missing or 0")
     return port
+
+
+def _visa_address(text: str) -> Address:
+    device = text.partition("://")[2]
+    if "::" not in device or not device.isprintable() or " " in device:
+        raise ValueError("the VISA resource is missing, or is none")
+    return Address(text=text, scheme="visa", device=device)
 
 
 def _serial_address(text: str, parts: SplitResult) -> Address:

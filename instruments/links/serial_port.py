@@ -19,6 +19,7 @@ import serial
 from benchctl_instruments.errors import LinkError, UsageError, in_line, reason
 from benchctl_instruments.links.address import Address, parse_address, refuse_timeout
 from benchctl_instruments.links.tcp import LinkCutError, Reconnect, TcpLink
+from benchctl_instruments.links.visa import VisaLink
 from benchctl_instruments.links.wirelog import WireLog
 
 DEFAULT_BAUD = 19200
@@ -150,7 +151,11 @@ def byte_link(
     reconnect: Reconnect | None = None,
     wire_log: WireLog | None = None,
 ) -> ByteLink:
-    """Return the link for an address: `tcp://`, `socket://` (serial behind a TCP box), or `serial://`."""
-    if parse_address(address).scheme == "serial":
-        return SerialLink(address, default_baud=default_baud, wire_log=wire_log)
-    return TcpLink(address, reconnect=reconnect, wire_log=wire_log)
+    """Return the link for an address: `tcp://`, `socket://` (serial behind a TCP box), `serial://` or `visa://`."""
+    match parse_address(address).scheme:
+        case "serial":
+            return SerialLink(address, default_baud=default_baud, wire_log=wire_log)
+        case "visa":
+            return VisaLink(address, wire_log=wire_log)
+        case _:
+            return TcpLink(address, reconnect=reconnect, wire_log=wire_log)

@@ -38,7 +38,7 @@ class TcpLink:
 
     def __init__(self, address: str, *, reconnect: Reconnect | None = None, wire_log: WireLog | None = None) -> None:
         self.address = parse_address(address)
-        if self.address.scheme == "serial":
+        if self.address.scheme not in ("tcp", "socket"):
             raise UsageError(f"address {address!r}: expected tcp://HOST:PORT for this instrument")
         self.wire_log = wire_log if wire_log is not None else WireLog()
         self._reconnect = reconnect if reconnect is not None else Reconnect()

@@ -1,9 +1,9 @@
-r"""ACL, the command language of the Acutronic ACUTROL3000 over TCP. Converts bytes and replies; no I/O.
+r"""ACL, the command language of the Acutronic ACUTROL3000 over TCP and GPIB. Converts bytes and replies; no I/O.
 
 Source: openly published driver code of three laboratories (IEAv-EFO/acutrol3000, williamsea/Acutrol,
 AcutronicRobotics/acutrol); the vendor's manuals were not used. Not tried on hardware.
 
-A command is a line of ASCII, and every line is answered with one line::
+A command is a line of ASCII, and over TCP every line is answered with one line::
 
     :read:pos? 1;rate? 1;acc? 1 CR LF          request: :main:sub? axis,argument;sub? axis,...
     \__/ \__/  \ `------------.
@@ -12,6 +12,8 @@ A command is a line of ASCII, and every line is answered with one line::
     hhhhhhhh 12.5;0.0;0.0 CR LF                reply: 8 characters of header, then data, or OK for a command
     \______/ \___________/
     header    data, one item a query, separated by ;
+
+On GPIB only queries are answered, and a reply has no header; errors are shown by the status byte (`*stb?`).
 
 Names are case-insensitive and may be abbreviated, down to one letter (`:d:p 1,10`); if several names begin with the
 same letters, the first one in `TREE` is used. `:mode 1,rate` is another spelling of `:mode:rate 1`; below `:read` the
@@ -87,22 +89,23 @@ class AclLines:
 
 
 class ReplyReader:
-    """Split the controller's bytes into replies, on the client's side."""
+    """Split the controller's bytes into replies, on the client's side; on GPIB `header_length` is 0."""
 
-    def __init__(self, terminator: bytes = b"\n") -> None:
+    def __init__(self, terminator: bytes = b"\n", *, header_length: int = HEADER_LENGTH) -> None:
         self._lines = AclLines(terminator)
+        self._header_length = header_length
 
     def feed(self, data: bytes) -> list[Reply]:
         """Return the replies that are now complete; raises `InstrumentError` for an invalid reply."""
-        return [_reply(line) for line in self._lines.feed(data)]
+        return [self._reply(line) for line in self._lines.feed(data)]
 
-
-def _reply(line: str) -> Reply:
-    if len(line) < HEADER_LENGTH:
-        raise InstrumentError(
-            f"a reply of {len(line)} characters, {line!r}, is shorter than ACL's header of {HEADER_LENGTH}"
-        )
-    return Reply(header=line[:HEADER_LENGTH], data=line[HEADER_LENGTH:].strip())
+    def _reply(self, line: str) -> Reply:
+        length = self._header_length
+        if len(line) < length:
+            raise InstrumentError(
+                f"a reply of {len(line)} characters, {line!r}, is shorter than ACL's header of {length}"
+            )
+        return Reply(header=line[:length], data=line[length:].strip())
 
 
 def encode(command: str) -> bytes:

@@ -1,7 +1,9 @@
-"""Rate table controller Acutronic ACUTROL3000, by ACL over TCP. Not tried on hardware.
+"""Rate table controller Acutronic ACUTROL3000, by ACL over TCP or GPIB. Not tried on hardware.
 
 Source: published driver code of three laboratories, see `protocols.acl`. The port depends on the site: 9888 and 9878
-are both in use, so the address states it. Consequences of these sources:
+are both in use, so the address states it. On GPIB (`visa://GPIB0::7::INSTR`) a command has no reply; the status byte is
+read after it, and a bit beside those of a fault of the interlock (65) counts as a refusal. That is an assumption: the
+sources only show 65. Consequences of these sources:
 
 - A mode starts with its last demand, as fast as the limits permit. A demand is therefore always loaded before its mode
   is entered, never after.
@@ -38,9 +40,12 @@ from enum import Enum
 
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.interfaces import Clock, Identity, Instrument, TableLimits, TableReading, TableState
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.links.serial_port import ByteLink
 from benchctl_instruments.links.tcp import LinkCutError, Reconnect, TcpLink
+from benchctl_instruments.links.visa import VisaLink
 from benchctl_instruments.links.wirelog import WireLog, note_recovered
-from benchctl_instruments.protocols.acl import Reply, ReplyReader, encode
+from benchctl_instruments.protocols.acl import HEADER_LENGTH, Reply, ReplyReader, encode
 from benchctl_instruments.protocols.lines import MOST_SHOWN, parse_number
 from benchctl_instruments.recognition import ByLine
 
@@ -95,7 +100,7 @@ class AclDialogue:
     def __init__(
         self,
         name: str,
-        link: TcpLink,
+        link: ByteLink,
         *,
         axis: int,
         timeout_s: float,
@@ -108,6 +113,7 @@ class AclDialogue:
         self._timeout_s = timeout_s
         self._terminator = terminator
         self._explain = explain
+        self._on_gpib = link.address.is_gpib
         self._lock = threading.Lock()
 
     def open(self) -> None:
@@ -147,8 +153,9 @@ class AclDialogue:
     def tell(self, command: str, *values: float, once: bool = False) -> None:
         """Send a command, which must be acknowledged; with `once` it is not repeated without an acknowledgement."""
         text = command.format(*(f"{value:.6f}" for value in values), axis=self._axis)
+        send = self._attempt if once else self._exchange
         with self._lock:
-            reply = self._attempt(text) if once else self._exchange(text)
+            reply = self._status_after(send(text, silent=True)) if self._on_gpib else send(text)
         if not reply.ok:
             raise InstrumentError(
                 f"{self._name}: sent {text!r}, expected OK, got {reply.data[:MOST_SHOWN]!r}; {self._explain()}"
@@ -169,19 +176,26 @@ class AclDialogue:
                 f" {_listed(actual)}; check the controller's limits, and that nothing else commands it"
             )
 
-    def _exchange(self, text: str) -> Reply:
+    def _status_after(self, unanswered: Reply) -> Reply:
+        """Return the reply that a command on GPIB would have had over TCP, by the status byte."""
+        status = self._exchange(ASK_STATUS).data
+        refused = not status.isdecimal() or int(status) & ~FAULT_STATUS
+        return Reply(header="", data=f"status byte {status}") if refused else unanswered
+
+    def _exchange(self, text: str, *, silent: bool = False) -> Reply:
         try:
-            return self._attempt(text)
+            return self._attempt(text, silent=silent)
         except (LinkError, InstrumentError) as err:
             self._link.wire_log.note("asking again")
-            reply = self._attempt(text)
+            reply = self._attempt(text, silent=silent)
             note_recovered(str(err))
             return reply
 
-    def _attempt(self, text: str) -> Reply:
+    def _attempt(self, text: str, *, silent: bool = False) -> Reply:
+        """Send a line and return its reply; a `silent` line has none, and counts as acknowledged."""
         try:
             self._link.send(encode(text))
-            return self._receive()
+            return Reply(header="", data="OK") if silent else self._receive()
         except LinkCutError as err:
             why = self._link.address.left_out(err)
             raise LinkCutError(f"{self._name}: sent {text!r}, expected a reply: {why}; {self._last_heard()}") from err
@@ -198,7 +212,7 @@ class AclDialogue:
             ) from err
 
     def _receive(self) -> Reply:
-        reader = ReplyReader(self._terminator)
+        reader = ReplyReader(self._terminator, header_length=0 if self._on_gpib else HEADER_LENGTH)
         deadline_s = time.monotonic() + self._timeout_s
         while True:
             data = self._link.receive(4096, deadline_s - time.monotonic())
@@ -250,6 +264,7 @@ ASK_MOTION = ":read:pos? {axis};rate? {axis};acc? {axis}"  # deg, deg/s, deg/s²
 ASK_MODE = ":mode? {axis}"
 ASK_INTERLOCK = ":interlock? {axis}"
 ASK_STATUS = "*stb?"
+FAULT_STATUS = 65  # the status byte while the interlock is in fault
 ASK_IDENTITY = "*idn?"
 SET_MODE = {
     Mode.OFF: ":mode:off {axis}",
@@ -283,7 +298,7 @@ class Acutrol3000(Instrument):
     Parameters
     ----------
     address
-        `tcp://HOST:PORT`.
+        `tcp://HOST:PORT`, or `visa://GPIB0::7::INSTR` with the controller's address on GPIB.
     axis
         The controller's number of the axis.
     timeout_s
@@ -328,7 +343,9 @@ class Acutrol3000(Instrument):
         self._name = f"rate table {address}"
         self._line = AclDialogue(
             self._name,
-            TcpLink(address, reconnect=reconnect, wire_log=wire_log),
+            VisaLink(address, wire_log=wire_log)
+            if parse_address(address).scheme == "visa"
+            else TcpLink(address, reconnect=reconnect, wire_log=wire_log),
             axis=axis,
             timeout_s=timeout_s,
             terminator=reply_terminator.encode("ascii"),

@@ -43,6 +43,7 @@ WIRED = [
     ("chamber", "weiss_ascii2", {"unit_id": 0}, TTY),
     ("chamber", "weiss_ascii2", {}, "tcp://10.0.0.7:2049"),
     ("rate_table", "newport_esp301", {}, BOX),
+    ("rate_table", "acutrol3000", {}, "visa://GPIB0::7::INSTR"),
     ("digitizer", "labjack_t7", {"encoder_channel": 6, "gyro_ain": 4, "thermistor_ain": 0}, None),
     ("digitizer", "keithley_daq6510", {"gyro_channel": 120, "thermistor_channel": 103}, "tcp://10.0.0.8:5025"),
     ("digitizer", "keysight_34970a", {"gyro_channel": 105, "thermistor_channel": 101}, TTY),
