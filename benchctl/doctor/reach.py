@@ -41,6 +41,7 @@ _USUAL_PORTS: dict[str, tuple[int, ...]] = {
     "keysight_34970a": (5025,),
     "keysight_daq970a": (5025,),
     "watlow_f4t": (502,),
+    "watlow_f4t_scpi": (5025,),
     "espec_p300": (10001,),
     "binder_mb2": (10001,),
     "thermotron_8800": (8888,),

@@ -19,6 +19,7 @@ OURS: dict[Kind, tuple[str, ...]] = {
         "thermotron_8800",
         "watlow_f4",
         "watlow_f4t",
+        "watlow_f4t_scpi",
         "weiss_ascii2",
         "weiss_simserv",
     ),

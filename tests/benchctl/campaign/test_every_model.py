@@ -33,6 +33,7 @@ WIRED = [
     ("chamber", "watlow_f4t", {"on_by": "event", "on_number": 2, "running_output": [1, 1]}, None),
     ("chamber", "watlow_f4t", {"on_by": "momentary_key", "on_number": 3, "running_output": [1, 1]}, None),
     ("chamber", "watlow_f4t", {"on_by": "nothing"}, "tcp://10.0.0.7:502"),
+    ("chamber", "watlow_f4t_scpi", {"loop": 2, "on_number": 3}, "tcp://10.0.0.7:5025"),
     ("chamber", "eurotherm_2400", {"unit_id": 9}, BOX),
     ("chamber", "binder_mb2", {"unit_id": 11, "word_order": "high_first"}, TTY),
     ("chamber", "csz_ezt430i", {"unit_id": 12}, TTY),
