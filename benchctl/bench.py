@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from base64 import b64encode
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -10,7 +11,7 @@ from typing import Any, Literal, TypeVar
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from benchctl.certificates import Certificate, ChamberCertificate, DigitizerCertificate, RateTableCertificate
-from benchctl.limits import HIGHEST_RATE_HZ, MOST_COUNTS_PER_REV
+from benchctl.limits import HIGHEST_RATE_HZ, MOST_COUNTS_PER_REV, read_whole
 from benchctl.model_file import Model
 from benchctl.notifications import Notify, without_secrets
 from benchctl.tables import Table
@@ -44,6 +45,8 @@ _INTERLOCKED = {"degC": ("degC", "K"), "degC or K": ("degC", "K")}
 
 HAND_ERROR_PERCENT = 10.0
 """Default of `limits.motion_error_percent` with a rate table that is turned by hand."""
+
+_PNG, _MOST_LOGO_BYTES = b"\x89PNG\r\n\x1a\n", 300_000
 
 SIMULATED = "simulated"
 """The name of the bench that needs no file and no hardware."""
@@ -204,6 +207,19 @@ class Interlock(Table):
                 'hold on rate_dps, or use action = "stop"'
             )
         return self
+
+
+class Laboratory(Table):
+    """The laboratory that the acceptance report names."""
+
+    name: str = Field(title="Name", description="As reports state it.", examples=["Gyro laboratory, Example Ltd"])
+    address: str = Field(default="", title="Address", description="As reports state it.")
+    logo: str = Field(
+        default="",
+        title="Logo",
+        description="A PNG file, relative to the folder of bench.toml; recordings store its content.",
+        examples=["logo.png"],
+    )
 
 
 class Site(Table):
@@ -378,6 +394,7 @@ class Bench(Table):
         title="Messages",
         description="Who gets a message on mail or chat when a run ends or needs somebody.",
     )
+    laboratory: Laboratory | None = Field(default=None, description="Who tests, for the first page of a report.")
     site: Site = Field(default=Site(), description="Location of the bench, for the Earth's rate.")
     rate_table: RateTableEntry = Field(description="The rate table, its driver, address and certificate.")
     chamber: ChamberEntry = Field(description="The climate chamber, its driver, address and certificate.")
@@ -403,6 +420,7 @@ class Bench(Table):
     )
     _text: str = PrivateAttr(default="")
     _chamber_profile: str = PrivateAttr(default="")
+    _logo: str = PrivateAttr(default="")
 
     @model_validator(mode="before")
     @classmethod
@@ -446,6 +464,11 @@ class Bench(Table):
         return self._chamber_profile
 
     @property
+    def logo(self) -> str:
+        """The content of the laboratory's logo, in base64; empty if there is none."""
+        return self._logo
+
+    @property
     def entries(self) -> dict[str, InstrumentEntry]:
         """The instruments by their role."""
         found = {"rate_table": self.rate_table, "chamber": self.chamber, "digitizer": self.digitizer}
@@ -465,6 +488,12 @@ class Bench(Table):
         """Return the same bench with the texts of these files."""
         bench = self.model_copy()
         bench._text, bench._chamber_profile = text, chamber_profile  # noqa: SLF001 - this class's own
+        return bench
+
+    def with_logo(self, png: bytes) -> Bench:
+        """Return the same bench with the content of the laboratory's logo."""
+        bench = self.model_copy()
+        bench._logo = b64encode(png).decode()  # noqa: SLF001 - this class's own
         return bench
 
     def with_seed(self, seed: int | None) -> Bench:
@@ -509,6 +538,8 @@ def load_bench(source: str) -> Bench:
         bench = _with_profile(bench, path.parent, name)
     if bench.simulated:
         _check_simulation(bench, name)
+    if bench.laboratory and bench.laboratory.logo:
+        bench = bench.with_logo(_png(path.parent / bench.laboratory.logo, f"{name}: laboratory.logo "))
     return bench
 
 
@@ -519,6 +550,13 @@ def bench_of_text(text: str, name: str, chamber_profile: str = "") -> Bench:
         return bench.read_from(without_secrets(text, bench.notify), chamber_profile)
     except UsageError as err:
         raise UsageError(f"{name}, line {line_of(text, named_place(str(err)))}: {err}") from err
+
+
+def _png(path: Path, what: str) -> bytes:
+    content = read_whole(path, _MOST_LOGO_BYTES, what)
+    if not content.startswith(_PNG):
+        raise UsageError(f"{what}{path}: expected a PNG file")
+    return content
 
 
 def _with_profile(bench: Bench, folder: Path, name: str) -> Bench:

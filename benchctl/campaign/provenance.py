@@ -50,6 +50,7 @@ def describe(opened: OpenBench, plan: Plan, status: Status) -> Meta:
             "bench": bench.name,
             "bench_toml": bench.text,
             "chamber_profile": bench.chamber_profile,
+            "laboratory_logo": bench.logo,
             "bench_physics": json.dumps(bench.physics, sort_keys=True) if bench.simulated else "",
             "bench_effects": json.dumps(bench.effects, sort_keys=True) if bench.simulated else "",
             "instruments_reached": opened.reached,

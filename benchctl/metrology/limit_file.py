@@ -59,6 +59,8 @@ class LimitFile(Table):
     """A file of limits, as written."""
 
     title: str = ""
+    number: str = ""
+    revision: str = ""
     customer: str = ""
     standard: str = ""
     stage: str = ""
@@ -112,13 +114,7 @@ def limits_of_text(text: str, path: Path) -> Limits:
         guard=content.guard,
         limits={name: Limit(low=one.low, high=one.high, unit=one.unit) for name, one in content.limits.items()},
         settings=Settings(**content.settings.model_dump()),
-        papers=Papers(
-            title=content.title,
-            customer=content.customer,
-            standard=content.standard,
-            stage=content.stage,
-            firmware=content.firmware,
-        ),
+        papers=Papers(**{name: getattr(content, name) for name in Papers.__dataclass_fields__}),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -160,10 +161,10 @@ def column(name: str, unit: str, values: FloatArray) -> Column:
     return Column(name=name, unit=unit, values=tuple(values.tolist()))
 
 
-def dots(x: Column, y: Column) -> Picture:
-    """Return a plot of one column over another."""
-    trace = Trace(label="readings", x=np.array(x.values), y=np.array(y.values))
-    return Picture(x=x.name, x_unit=x.unit, y=y.name, y_unit=y.unit, traces=(trace,))
+def dots(x: Column, y: Column, *, standard: FloatArray | None = None, limited: Literal["", "x", "y"] = "") -> Picture:
+    """Return a plot of one column over another; `standard` are the standard uncertainties of the latter."""
+    trace = Trace(label="readings", x=np.array(x.values), y=np.array(y.values), standard=standard)
+    return Picture(x=x.name, x_unit=x.unit, y=y.name, y_unit=y.unit, traces=(trace,), limited=limited)
 
 
 def both_directions(points: Points) -> bool:

@@ -77,6 +77,12 @@ def as_read(function: Function, quantities: Sequence[Quantity]) -> FloatArray:
     return np.asarray(function({one.name: np.zeros((1, one.root.shape[0])) for one in quantities})[0])
 
 
+def standards(function: Function, quantities: Sequence[Quantity]) -> FloatArray:
+    """Return the standard uncertainty of each component of a result (d, n), by the law of propagation; (n,)."""
+    parts = [_moved(function, quantities, one) for one in quantities]
+    return np.asarray(np.linalg.norm(np.concatenate(parts), axis=0))
+
+
 def largest_of(changes: Function, quantities: Sequence[Quantity]) -> tuple[float, Uncertainty]:
     """Return the largest magnitude among changes, (d, n) for d draws, and its uncertainty."""
     found = as_read(changes, quantities)
@@ -116,7 +122,7 @@ def propagated(function: Function, quantities: Sequence[Quantity], *, null: Func
         (
             Contribution(
                 source=one.name,
-                standard=_moved(function, quantities, one),
+                standard=float(np.linalg.norm(_moved(function, quantities, one))),
                 kind=one.kind,
                 says=one.note,
                 dof=one.dof,
@@ -157,10 +163,10 @@ def propagated(function: Function, quantities: Sequence[Quantity], *, null: Func
     )
 
 
-def _moved(function: Function, quantities: Sequence[Quantity], one: Quantity) -> float:
-    """Return the contribution of one quantity: the root sum of squares over its independent directions."""
+def _moved(function: Function, quantities: Sequence[Quantity], one: Quantity) -> FloatArray:
+    """Return the changes of a result by one standard uncertainty of a quantity, along each independent direction."""
     directions = one.root.shape[1]
     moved = {other.name: np.zeros((2 * directions, other.root.shape[0])) for other in quantities}
     moved[one.name] = np.concatenate([one.root.T, -one.root.T])
     results = function(moved)
-    return float(np.linalg.norm(0.5 * (results[:directions] - results[directions:])))
+    return np.asarray(0.5 * (results[:directions] - results[directions:]))

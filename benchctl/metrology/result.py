@@ -126,17 +126,24 @@ class Column:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """A line or points of a plot, shape (n,) each; `label` is a key of the reports' catalogues."""
+    """A line or points of a plot, shape (n,) each; `label` is a key of the reports' catalogues.
+
+    `standard` is the standard uncertainty of `y`, if it is known.
+    """
 
     label: str
     x: FloatArray
     y: FloatArray
     dots: bool = True
+    standard: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A plot of a test's readings with the residual of its law below; labels are keys of the reports' catalogues."""
+    """A plot of a test's readings with the residual of its law below; labels are keys of the reports' catalogues.
+
+    `limited` is the axis on which the test's limit is drawn; a limit of magnitudes holds on both sides of zero.
+    """
 
     x: str
     x_unit: str
@@ -146,6 +153,7 @@ class Picture:
     left: tuple[Trace, ...] = ()
     left_unit: str = ""
     logarithmic: bool = False
+    limited: Literal["", "x", "y"] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,6 +212,8 @@ class Papers:
     """The header of a report, as the file of limits states it."""
 
     title: str = ""
+    number: str = ""
+    revision: str = ""
     customer: str = ""
     standard: str = ""
     stage: str = ""

@@ -8,13 +8,26 @@ cases. In between the verdict is INCONCLUSIVE. Without a band only the value cou
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 from scipy.special import ndtr
 
 from benchctl.calibration.uncertainty import K
 from benchctl.metrology.names import PROCEDURES
-from benchctl.metrology.result import Judged, Limit, Measured, Message, Rule, Uncertainty, Verdict, message
+from benchctl.metrology.result import (
+    Column,
+    Judged,
+    Limit,
+    Measured,
+    Message,
+    Picture,
+    Rule,
+    Trace,
+    Uncertainty,
+    Verdict,
+    message,
+)
 from benchctl.units import factor_between
 
 _MOST_TIMES = 10_000
@@ -51,19 +64,51 @@ def overall(every: tuple[Judged, ...]) -> Verdict:
 
 
 def in_unit(measured: Measured, unit: str) -> Measured:
-    """Return the same result in another unit; its tables and plots keep theirs."""
+    """Return the same result in another unit, with what its tables and plots show in the same unit."""
     return scaled(measured, factor_between(measured.unit, unit), unit)
 
 
 def scaled(measured: Measured, factor: float, unit: str) -> Measured:
     """Return the same result in a unit in which its number is `factor` times as large."""
-    value, uncertainty = measured.value, measured.uncertainty
+    value, uncertainty, own = measured.value, measured.uncertainty, measured.unit
     return replace(
         measured,
         unit=unit,
         value=None if value is None else factor * value,
         uncertainty=None if uncertainty is None else _scaled(uncertainty, factor),
+        table=tuple(column_in(one, {own: (unit, factor)}) for one in measured.table),
+        picture=None if measured.picture is None else picture_in(measured.picture, {own: (unit, factor)}),
     )
+
+
+Units = Mapping[str, tuple[str, float]]
+"""Unit -> the unit to be used in its place, and the factor of the numbers."""
+
+
+def column_in(column: Column, units: Units) -> Column:
+    """Return a column in another unit."""
+    unit, factor = units.get(column.unit, (column.unit, 1.0))
+    return replace(column, unit=unit, values=tuple(factor * value for value in column.values))
+
+
+def picture_in(picture: Picture, units: Units) -> Picture:
+    """Return a plot whose axes have other units."""
+    x_unit, along = units.get(picture.x_unit, (picture.x_unit, 1.0))
+    y_unit, up = units.get(picture.y_unit, (picture.y_unit, 1.0))
+    left_unit, down = units.get(picture.left_unit, (picture.left_unit, 1.0))
+    return replace(
+        picture,
+        x_unit=x_unit,
+        y_unit=y_unit,
+        left_unit=left_unit,
+        traces=tuple(_trace(one, along, up) for one in picture.traces),
+        left=tuple(_trace(one, along, down) for one in picture.left),
+    )
+
+
+def _trace(trace: Trace, along: float, up: float) -> Trace:
+    standard = None if trace.standard is None else up * trace.standard
+    return replace(trace, x=along * trace.x, y=up * trace.y, standard=standard)
 
 
 def _scaled(uncertainty: Uncertainty, factor: float) -> Uncertainty:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import re
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from PIL import Image
 
 from benchctl_instruments.arrays import FloatArray
 
@@ -80,9 +82,9 @@ def style() -> AbstractContextManager[None]:
     return mpl.rc_context(_STYLE)
 
 
-def new_figure(height_in: float) -> Figure:
-    """Return an empty figure of the page's width."""
-    return Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
+def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    """Return an empty figure, of the page's width if no other is given."""
+    return Figure(figsize=(width_in, height_in), layout="constrained")
 
 
 def inline_svg(figure: Figure, name: str) -> str:
@@ -102,6 +104,15 @@ def inline_svg(figure: Figure, name: str) -> str:
     svg = svg.replace("url(#", f"url(#{name}-")
     # The page sets the size; the view box keeps the proportions.
     return re.sub(r'<svg width="[^"]*" height="[^"]*"', "<svg", svg, count=1)
+
+
+def embedded(png: bytes) -> str:
+    """Return an image as SVG for HTML."""
+    with Image.open(io.BytesIO(png)) as image:
+        width, height = image.size
+    content = b64encode(png).decode()
+    href = f"data:image/png;base64,{content}"
+    return f'<svg viewBox="0 0 {width} {height}"><image width="{width}" height="{height}" href="{href}"/></svg>'
 
 
 def dots(axes: Axes, x: FloatArray, y: FloatArray, colour: str, *, size: float = 1.6) -> None:

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from benchctl.atomic import whole_file
 from benchctl.reports import text
-from benchctl.reports.figures import Drawing
+from benchctl.reports.figures import Drawing, embedded
 
 
 def render(template: str, **values: object) -> str:
@@ -28,6 +28,7 @@ def render(template: str, **values: object) -> str:
         "plain": text.plain,
         "count": text.count,
         "svg": svg,
+        "image": lambda png: Markup(embedded(png)),  # noqa: S704 - base64
     }
     style = Markup(files("benchctl.reports").joinpath("report.css").read_text(encoding="utf-8"))  # noqa: S704 - ours
     return environment.get_template(template).render(style=style, **values)

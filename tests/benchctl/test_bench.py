@@ -1,3 +1,4 @@
+from base64 import b64decode
 from pathlib import Path
 
 import pytest
@@ -188,3 +189,27 @@ def test_a_real_bench_plays_no_effects(tmp_path: Path) -> None:
     (tmp_path / "real.toml").write_text(f"{text}\n[effects.clock_drift]\nppm = 3.0\n", encoding="utf-8")
     with pytest.raises(UsageError, match=r"\[effects\] is played by simulated instruments only"):
         load_bench(str(tmp_path / "real.toml"))
+
+
+PNG = b"\x89PNG\r\n\x1a\n and so on"
+
+
+@pytest.mark.parametrize(
+    ("logo", "says"),
+    [
+        (PNG, ""),
+        (b"GIF89a", "laboratory.logo .*logo.png: expected a PNG file"),
+        (None, "laboratory.logo .*logo.png: cannot be read: no such file"),
+        (PNG + bytes(300_000), "laboratory.logo .*logo.png: is larger than 0.3 MB"),
+    ],
+)
+def test_the_logo_of_the_laboratory_is_read_beside_the_bench(tmp_path: Path, logo: bytes | None, says: str) -> None:
+    laboratory = '\n[laboratory]\nname = "Gyro laboratory"\nlogo = "logo.png"\n'
+    (tmp_path / "bench.toml").write_text(template() + laboratory, encoding="utf-8")
+    if logo is not None:
+        (tmp_path / "logo.png").write_bytes(logo)
+    if says:
+        with pytest.raises(UsageError, match=says):
+            load_bench(str(tmp_path / "bench.toml"))
+    else:
+        assert b64decode(load_bench(str(tmp_path / "bench.toml")).with_seed(3).logo) == PNG

@@ -238,7 +238,12 @@ def _picture(found: Allan) -> Picture:
         y="allan_deviation",
         y_unit="deg/h",
         traces=(
-            Trace(label="readings", x=found.tau_s, y=_DEG_PER_H * found.deviation),
+            Trace(
+                label="readings",
+                x=found.tau_s,
+                y=_DEG_PER_H * found.deviation,
+                standard=_DEG_PER_H * found.deviation / np.sqrt(2.0 * found.freedom),
+            ),
             Trace(label="terms", x=found.tau_s, y=_DEG_PER_H * modelled, dots=False),
         ),
         logarithmic=True,

@@ -12,9 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import chdtri
 
-from benchctl.metrology.observations import Observations, column, has_rest, measured, refused, same_set_point
+from benchctl.metrology.observations import Observations, column, dots, has_rest, measured, refused, same_set_point
 from benchctl.metrology.points import Points, line
-from benchctl.metrology.propagation import Offsets, as_read, deviation_of
+from benchctl.metrology.propagation import Offsets, as_read, deviation_of, standards
 from benchctl.metrology.result import Measured, Message, message
 from benchctl_instruments.arrays import FloatArray
 
@@ -75,16 +75,18 @@ def _of_scale(obs: Observations, points: Points, cycles: list[int]) -> Measured:
 
     quantities = obs.quantities(points)
     value, uncertainty = deviation_of(ppm, quantities)
+    table = (
+        column("turn_on", "1", np.arange(1.0, len(cycles) + 1)),
+        column("scale_factor", "mV/(deg/s)", 1e3 * as_read(slopes, quantities)),
+    )
     return measured(
         "scale_factor_repeatability",
         value,
         uncertainty,
         points,
         notes=(_of_others(value, len(cycles)),),
-        table=(
-            column("turn_on", "1", np.arange(1.0, len(cycles) + 1)),
-            column("scale_factor", "mV/(deg/s)", 1e3 * as_read(slopes, quantities)),
-        ),
+        table=table,
+        picture=dots(*table, standard=1e-6 * np.array(table[1].values) * standards(ppm, quantities)),
     )
 
 
@@ -95,18 +97,24 @@ def _of_bias(obs: Observations, points: Points, cycles: list[int]) -> Measured:
     def biases(offsets: Offsets) -> FloatArray:
         return np.asarray(_DEG_PER_H * points.moved(offsets)[1][:, first] / slope)
 
+    def apart(offsets: Offsets) -> FloatArray:
+        found = biases(offsets)
+        return np.asarray(found - found.mean(axis=1, keepdims=True))
+
     quantities = obs.quantities(points)
     value, uncertainty = deviation_of(biases, quantities)
+    table = (
+        column("turn_on", "1", np.arange(1.0, len(cycles) + 1)),
+        column("bias", "deg/h", as_read(biases, quantities)),
+    )
     return measured(
         "bias_repeatability",
         value,
         uncertainty,
         points.of(first),
         notes=(_of_others(value, len(cycles)),),
-        table=(
-            column("turn_on", "1", np.arange(1.0, len(cycles) + 1)),
-            column("bias", "deg/h", as_read(biases, quantities)),
-        ),
+        table=table,
+        picture=dots(*table, standard=standards(apart, quantities)),
     )
 
 

@@ -94,9 +94,10 @@ def response_tests(obs: Observations) -> Iterator[Measured]:
             x_unit=UNITS["bandwidth"],
             y="gain",
             y_unit="1",
-            traces=(Trace(label="readings", x=frequencies, y=gains),),
+            traces=(Trace(label="readings", x=frequencies, y=gains, standard=gains * standard),),
             left=(Trace(label="phase", x=frequencies, y=np.rad2deg(phases)),),
             left_unit="deg",
+            limited="x",
         ),
     )
     yield Measured(

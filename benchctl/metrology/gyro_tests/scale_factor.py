@@ -16,7 +16,7 @@ import numpy as np
 
 from benchctl.metrology.observations import Observations, both_directions, column, dots, measured, refused
 from benchctl.metrology.points import DOWN, UP, Points, line, misfit
-from benchctl.metrology.propagation import Offsets, Quantity, as_read, largest_of, propagated, single
+from benchctl.metrology.propagation import Offsets, Quantity, as_read, largest_of, propagated, single, standards
 from benchctl.metrology.result import Measured, Picture, Trace, message
 from benchctl_instruments.arrays import FloatArray, IntArray
 
@@ -59,7 +59,6 @@ def _scale_factor(obs: Observations, points: Points, quantities: list[Quantity])
 
     every = [*quantities, warmth]
     left = misfit(points.rate_dps[None], points.output_v[None])[0]
-    largest_v = float(np.max(np.abs(points.output_v)))
     order = np.argsort(points.rate_dps)
     return measured(
         "scale_factor",
@@ -69,7 +68,6 @@ def _scale_factor(obs: Observations, points: Points, quantities: list[Quantity])
         table=(
             column("rate", "deg/s", points.rate_dps),
             column("output", "V", points.output_v),
-            column("misfit", "ppm", 1e6 * left / largest_v),
         ),
         picture=Picture(
             x="rate",
@@ -80,8 +78,6 @@ def _scale_factor(obs: Observations, points: Points, quantities: list[Quantity])
                 Trace(label="readings", x=points.rate_dps, y=points.output_v),
                 Trace(label="line", x=points.rate_dps[order], y=(points.output_v - left)[order], dots=False),
             ),
-            left=(Trace(label="misfit", x=points.rate_dps, y=1e6 * left / largest_v),),
-            left_unit="ppm",
         ),
     )
 
@@ -107,7 +103,14 @@ def _nonlinearity(points: Points, quantities: list[Quantity]) -> Measured:
         above = output_v - intercept[:, None]
         return np.asarray(1e6 * (above - slope[:, None] * rate_dps) / np.max(np.abs(above), axis=1, keepdims=True))
 
-    return measured("nonlinearity", *largest_of(ppm, quantities), points)
+    table = column("rate", "deg/s", points.rate_dps), column("misfit", "ppm", as_read(ppm, quantities))
+    return measured(
+        "nonlinearity",
+        *largest_of(ppm, quantities),
+        points,
+        table=table,
+        picture=dots(*table, standard=standards(ppm, quantities), limited="y"),
+    )
 
 
 def _reading_errors(points: Points, offsets: Offsets, low: IntArray, high: IntArray) -> FloatArray:
@@ -139,7 +142,7 @@ def _of_reading(obs: Observations, points: Points, quantities: list[Quantity]) -
         points,
         notes=(message("line_up_to", limit_dps=obs.settings.low_rate_dps),),
         table=table,
-        picture=dots(*table),
+        picture=dots(*table, standard=standards(percent, quantities), limited="y"),
     )
 
 
@@ -218,7 +221,7 @@ def hysteresis_tests(obs: Observations) -> Iterator[Measured]:
         *largest_of(differences, quantities),
         points,
         table=table,
-        picture=dots(*table),
+        picture=dots(*table, standard=standards(differences, quantities), limited="y"),
     )
 
 

@@ -19,7 +19,7 @@ from benchctl.metrology.drift import white_variance
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.observations import Observations, celsius_of, column, dots, measured, refused
 from benchctl.metrology.points import Points
-from benchctl.metrology.propagation import Offsets, Quantity, as_read, propagated, single
+from benchctl.metrology.propagation import Offsets, Quantity, as_read, propagated, single, standards
 from benchctl.metrology.result import Bound, Measured, Message, message
 from benchctl.metrology.swings import Swing, fitted
 from benchctl.recordings.model import StepInfo
@@ -92,7 +92,7 @@ def _found(obs: Observations, name: str, points: Points, base: IntArray, near: I
         points.of(np.concatenate([base, near])),
         bound=_bound(weakest),
         table=table,
-        picture=dots(*table),
+        picture=dots(*table, standard=standards(lambda offsets: responses(offsets)[1], quantities), limited="x"),
     )
 
 
@@ -168,7 +168,7 @@ def dead_zone_tests(obs: Observations) -> Iterator[Measured]:
         temperature_c=celsius_of(info.chamber_setpoint_c),
         steps=(info.index,),
         table=table,
-        picture=dots(*table),
+        picture=dots(*table, standard=standards(slopes, quantities)),
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.observations import SAME_C, Observations, column, dots, has_rest, measured, refused
 from benchctl.metrology.points import Points, line
-from benchctl.metrology.propagation import Offsets, as_read, independent, largest_of
+from benchctl.metrology.propagation import Offsets, as_read, independent, largest_of, standards
 from benchctl.metrology.result import Measured, message
 from benchctl_instruments.arrays import FloatArray
 
@@ -142,7 +142,7 @@ def _sensitivities(obs: Observations, home: int, away: Sequence[int]) -> Iterato
             *largest_of(per_degree, quantities),
             points,
             table=table,
-            picture=dots(*table),
+            picture=dots(*table, standard=standards(kind.of, quantities)[order]),
         )
 
 
@@ -174,12 +174,14 @@ def _memories(obs: Observations, pairs: Sequence[tuple[int, int]]) -> Iterator[M
             found = kind.of(offsets)
             return kind.apart(found[:, heated], found[:, cooled])
 
+        table = (
+            column("temperature", "degC", celsius),
+            column("heated_less_cooled", UNITS[name], as_read(apart, quantities)),
+        )
         yield measured(
             name,
             *largest_of(apart, quantities),
             points,
-            table=(
-                column("temperature", "degC", celsius),
-                column("heated_less_cooled", UNITS[name], as_read(apart, quantities)),
-            ),
+            table=table,
+            picture=dots(*table, standard=standards(apart, quantities), limited="y"),
         )

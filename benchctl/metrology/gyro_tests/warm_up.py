@@ -89,11 +89,12 @@ def _found(obs: Observations, on: StepInfo, rest: StepInfo) -> Iterator[Measured
             y="bias",
             y_unit="deg/h",
             traces=(
-                Trace(label="readings", x=time_s, y=bias),
+                Trace(label="readings", x=time_s, y=bias, standard=np.sqrt(white)),
                 Trace(label="line", x=time_s, y=law, dots=False),
             ),
             left=(Trace(label="misfit", x=time_s, y=bias - law),),
             left_unit="deg/h",
+            limited="x",
         ),
     }
     if not sure and abs(amplitude) + K * deviation > within:
@@ -214,6 +215,7 @@ def ramp_tests(obs: Observations) -> Iterator[Measured]:
         picture=dots(
             column("temperature_rate", "degC/min", _PER_MINUTE * per_s),
             column("bias", "deg/h", _DEG_PER_H * without / obs.scale_v_per_dps),
+            standard=_DEG_PER_H * np.sqrt(white_v2) / abs(obs.scale_v_per_dps),
         ),
     )
 

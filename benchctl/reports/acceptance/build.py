@@ -33,6 +33,9 @@ def report_of(acceptance: Acceptance, facts: RecordingFacts, language: str, key:
     return Report(
         language=words.language,
         title=cut(acceptance.papers.title, _LONGEST_NAME) or words.label("title"),
+        number=_number(acceptance, facts, words),
+        laboratory=set_up.laboratory(facts.meta),
+        logo=set_up.logo(facts.meta),
         serial=serial,
         started=facts.started,
         verdict=Badge(text=verdict, kind=acceptance.verdict),
@@ -52,6 +55,15 @@ def report_of(acceptance: Acceptance, facts: RecordingFacts, language: str, key:
         coefficients=tuple(replace(one, stated=words.number(one.stated)) for one in facts.coefficients),
         signed=_signed(key, words) if key else "",
         traceability=set_up.traceability(acceptance, facts, words),
+    )
+
+
+def _number(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> str:
+    """Return number and revision of the report; without a number its date, serial number and digest."""
+    papers = acceptance.papers
+    own = "-".join(part for part in (f"{facts.started:%Y%m%d}", facts.meta.unit.serial, facts.digest[:8]) if part)
+    return words.label(
+        "number", number=cut(papers.number or own, _LONGEST_NAME), revision=cut(papers.revision or "0", _LONGEST_NAME)
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from benchctl.reports.coefficient_tables import Coefficient
-from benchctl.reports.figures import Drawing
+from benchctl.reports.figures import Drawing, embedded
 
 Row = tuple[str, str]
 """A name and its value."""
@@ -59,20 +59,24 @@ class EquipmentRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """The uncertainty of a result: contributors, combination, largest contribution and coverage factor."""
+    """The uncertainty of a result: contributors, and sentences on their combination and the coverage factor."""
 
     contributors: Table
-    totals: tuple[Row, ...]
-    largest: str
+    totals: str
     says: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A figure as vectors for the page, and as pixels (PNG) for the PDF."""
+    """A figure of half the text's width, for page and PDF."""
 
-    drawing: Drawing
     png: bytes
+    caption: str
+
+    @property
+    def drawing(self) -> Drawing:
+        """The figure for the page."""
+        return Drawing(svg=embedded(self.png), alt=self.caption, caption=self.caption)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +92,8 @@ class Section:
     remedy: str
     definition: str
     formula: str
-    conditions: tuple[Row, ...]
+    conditions: str
+    steps: str
     notes: tuple[str, ...]
     points: Table | None
     picture: Picture | None
@@ -99,11 +104,15 @@ class Section:
 class Report:
     """The complete report, in the order of its sections; a table without rows is omitted.
 
-    `signed` states the key by which the report is signed; empty if it is not signed electronically.
+    `laboratory` are its name and address, `logo` is its PNG image; empty if the bench states none. `signed` states the
+    key by which the report is signed; empty if it is not signed electronically.
     """
 
     language: str
     title: str
+    number: str
+    laboratory: tuple[str, ...]
+    logo: bytes
     serial: str
     started: datetime
     verdict: Badge
@@ -130,9 +139,7 @@ class Report:
         present = {
             "without_limit": bool(self.without_limit.rows),
             "not_measured": bool(self.not_measured.rows),
-            "anomalies": True,
             "coefficients": bool(self.coefficients),
-            "signatures": True,
         }
         names = [name for name, is_present in present.items() if is_present]
         return {name: place for place, name in enumerate(names, start=TESTS_SECTION + 1)}

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 from fpdf.enums import TextEmphasis
 from fpdf.fonts import FontFace
 
 from benchctl.reports.acceptance.catalogue import Catalogue, catalogue
-from benchctl.reports.acceptance.document import Badge, Budget, Picture, Report, Section, Table
+from benchctl.reports.acceptance.document import Badge, Report, Section, Table
 from benchctl.reports.acceptance.sheet import EXPIRED, KIND_COLOURS, Sheet
 
 _VERDICT_COLUMN = 3
 _UNTIL_COLUMN = 4
-_TOTALS_MM = 20.0
+_SUMMARY_MM, _TEST_MM, _WITH_PICTURE_MM = 150.0, 42.0, 69.0
+"""Room for the table of all results, and for a test without and with a picture up to its budget."""
+_NAME_SHARE = 0.3
+_ROW_MM, _ROWS_AROUND = 4.6, 4
+"""Height of a row of a budget, and the number of rows for its heading and the sentences below."""
 
 
 def pdf(report: Report) -> bytes:
@@ -20,7 +26,7 @@ def pdf(report: Report) -> bytes:
     sheet = Sheet(
         language=report.language,
         title=f"{report.title}: {report.serial}",
-        head=(f"{report.title} · {words.label('serial_short', serial=report.serial)}", report.verdict.text),
+        head=(f"{report.number} · {words.label('serial_short', serial=report.serial)}", report.verdict.text),
         kind=report.verdict.kind,
         foot=lambda page, pages: words.label("page", page=page, pages=pages),
     )
@@ -31,8 +37,7 @@ def pdf(report: Report) -> bytes:
     _summary(sheet, report, words, anchors)
     _set_up(sheet, report, words)
     sheet.heading(f"3 {words.label('tests')}", needs_mm=90.0)
-    if not report.sections:
-        sheet.text_block(words.label("nothing_judged"))
+    sheet.text_block(words.label("elsewhere" if report.sections else "nothing_judged"))
     for test in report.sections:
         _test(sheet, test, words, anchors[test.anchor])
     _rest(sheet, report, words)
@@ -41,17 +46,38 @@ def pdf(report: Report) -> bytes:
 
 
 def _front(sheet: Sheet, report: Report, words: Catalogue) -> None:
+    sheet.letterhead(report.logo, report.laboratory)
     sheet.heading(report.title, level=1)
+    sheet.text_block(report.number, grey=True)
     sheet.chip(report.verdict.text, report.verdict.kind, report.heading)
     sheet.text_block(report.tally)
     if report.simulated:
         sheet.banner(report.simulated, "INCONCLUSIVE")
     sheet.rows(report.header)
+    sheet.heading(words.label("rule"), level=4)
+    sheet.text_block(report.rule)
+    for name, sentences, none in (
+        ("anomalies_heading", report.anomalies, "none_found"),
+        ("deviations_heading", report.deviations, "none_recorded"),
+    ):
+        sheet.heading(words.label(name), level=4, needs_mm=18.0)
+        if sentences:
+            sheet.bullets(sentences)
+        else:
+            sheet.text_block(words.label(none))
+    sheet.blank_line()
+    sheet.heading(words.label("signatures"), level=4, needs_mm=42.0)
+    sheet.signature_lines(
+        ("", *(words.label(key) for key in ("name", "signature", "date"))),
+        [words.label(role) for role in ("tested_by", "approved_by")],
+    )
+    if report.signed:
+        sheet.text_block(report.signed)
 
 
 def _summary(sheet: Sheet, report: Report, words: Catalogue, anchors: dict[str, int]) -> None:
-    sheet.heading(f"1 {words.label('result')}")
-    sheet.text_block(words.label("summary_caption"), small=True, grey=True)
+    sheet.heading(f"1 {words.label('result')}", needs_mm=_SUMMARY_MM)
+    sheet.text_block(words.label("summary_caption"), grey=True)
     summary = report.summary
     sheet.grid(
         tuple(words.label(key) for key in ("test", "value", "limit", "verdict", "section")),
@@ -60,8 +86,6 @@ def _summary(sheet: Sheet, report: Report, words: Catalogue, anchors: dict[str, 
         looks=lambda row, column: _face(summary[row].verdict) if column == _VERDICT_COLUMN else None,
         links=[anchors.get(row.anchor) for row in summary],
     )
-    sheet.heading(words.label("rule"), level=4, needs_mm=20.0)
-    sheet.text_block(report.rule)
 
 
 def _set_up(sheet: Sheet, report: Report, words: Catalogue) -> None:
@@ -78,53 +102,28 @@ def _set_up(sheet: Sheet, report: Report, words: Catalogue) -> None:
 
 
 def _test(sheet: Sheet, test: Section, words: Catalogue, link: int) -> None:
-    sheet.heading(f"{test.number} {test.name}", level=3, needs_mm=62.0)
+    above_mm = _WITH_PICTURE_MM if test.picture else _TEST_MM
+    budget_mm = _ROW_MM * (len(test.budget.contributors.rows) + _ROWS_AROUND) if test.budget else 0.0
+    sheet.heading(f"{test.number} {test.name}", level=3, needs_mm=above_mm + budget_mm)
     sheet.set_link(link)
-    sheet.text_block(test.definition)
-    if test.formula:
-        sheet.text_block(f"    {test.formula}", bold=True)
-    sheet.grid(
-        (*(name for name, _ in test.result), words.label("verdict")),
-        [(*(value for _, value in test.result), test.verdict.text)],
-        (False, False, False),
-        looks=lambda _, column: _face(test.verdict) if column == len(test.result) else _BOLD,
-        fill=False,
-    )
-    sheet.bullets(test.notes)
-    reasons = (("why_refused", test.refused), ("remedy", test.remedy))
-    sheet.rows([*((words.label(name), reason) for name, reason in reasons if reason), *test.conditions])
-    picture_first = test.picture is None or sheet.has_room_for(test.picture.png)
-    if picture_first:
-        _picture(sheet, test.picture)
-    _budget(sheet, test.budget, words)
-    if not picture_first:  # rather than leave the rest of the page blank
-        _picture(sheet, test.picture)
-    if test.points:
-        sheet.heading(words.label("points"), level=4, needs_mm=38.0)
-        sheet.folded(test.points.headings, test.points.rows, test.points.numeric)
-
-
-def _picture(sheet: Sheet, picture: Picture | None) -> None:
-    if picture:
-        sheet.picture(picture.png, picture.drawing.caption)
-
-
-def _budget(sheet: Sheet, budget: Budget | None, words: Catalogue) -> None:
-    if budget is None:
-        return
-    sheet.heading(words.label("uncertainty"), level=4)
-    _table(sheet, budget.contributors)
-    last = len(budget.totals) - 1
-    sheet.keep(_TOTALS_MM)
-    sheet.grid(
-        (),
-        budget.totals,
-        (False, True),
-        fill=False,
-        small=True,
-        looks=lambda row, _: _BOLD if row == last else None,
-    )
-    sheet.text_block(f"{budget.largest} {budget.says}".strip())
+    with sheet.beside(test.picture.png, test.picture.caption) if test.picture else nullcontext():
+        sheet.text_block(" ".join([test.definition, test.formula]).strip())
+        sheet.rows(
+            [*test.result, (words.label("verdict"), test.verdict.text)],
+            looks=lambda row: _face(test.verdict) if row == len(test.result) else _BOLD,
+            name_share=_NAME_SHARE,
+        )
+        for name, reason in (("why_refused", test.refused), ("remedy", test.remedy)):
+            if reason:
+                sheet.text_block(f"{words.label(name)}: {reason}", bold=True)
+        for note in test.notes:
+            sheet.text_block(note)
+        if test.conditions:
+            sheet.text_block(f"{words.label('conditions')}: {test.conditions}", grey=True)
+    if test.budget:
+        sheet.keep(budget_mm)
+        _table(sheet, test.budget.contributors)
+        sheet.text_block(f"{test.budget.totals} {test.budget.says}")
 
 
 def _rest(sheet: Sheet, report: Report, words: Catalogue) -> None:
@@ -134,17 +133,6 @@ def _rest(sheet: Sheet, report: Report, words: Catalogue) -> None:
             sheet.heading(f"{numbers[name]} {words.label(name)}")
             sheet.text_block(words.label(f"{name}_says"))
             _table(sheet, table)
-    sheet.heading(f"{numbers['anomalies']} {words.label('anomalies')}")
-    for name, sentences, none in (
-        ("anomalies_heading", report.anomalies, "none_found"),
-        ("deviations_heading", report.deviations, "none_recorded"),
-    ):
-        sheet.heading(words.label(name), level=4, needs_mm=18.0)
-        if sentences:
-            sheet.bullets(sentences)
-        else:
-            sheet.text_block(words.label(none))
-    sheet.blank_line()
     if report.coefficients:
         sheet.heading(f"{numbers['coefficients']} {words.label('coefficients')}")
         sheet.grid(
@@ -152,25 +140,16 @@ def _rest(sheet: Sheet, report: Report, words: Catalogue) -> None:
             [(row.symbol, row.stated, row.says) for row in report.coefficients],
             (False, False, False),
         )
-    sheet.heading(f"{numbers['signatures']} {words.label('signatures')}", needs_mm=52.0)
-    sheet.signature_lines(
-        ("", *(words.label(key) for key in ("name", "signature", "date"))),
-        [words.label(role) for role in ("tested_by", "approved_by")],
-    )
-    if report.signed:
-        sheet.blank_line()
-        sheet.text_block(report.signed)
 
 
 def _appendix(sheet: Sheet, report: Report, words: Catalogue) -> None:
-    sheet.heading(words.label("appendix"), needs_mm=60.0)
+    sheet.heading(words.label("appendix"), needs_mm=45.0)
     sheet.text_block(words.label("appendix_says"))
-    sheet.rows(report.traceability, mono=True)
-    sheet.text_block(words.label("footer"), small=True, grey=True)
+    sheet.rows(report.traceability, looks=lambda _: FontFace(family="mono"), name_share=0.33)
 
 
 def _table(sheet: Sheet, table: Table) -> None:
-    sheet.grid(table.headings, table.rows, table.numeric, small=True)
+    sheet.grid(table.headings, table.rows, table.numeric)
 
 
 def _face(badge: Badge) -> FontFace:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
 from benchctl.calibration.result import Contribution
-from benchctl.calibration.uncertainty import coverage_factor
+from benchctl.calibration.uncertainty import K, coverage_factor
 from benchctl.metrology.names import PROCEDURES
-from benchctl.metrology.result import Column, Judged, Measured, Picture, Trace, Uncertainty
+from benchctl.metrology.result import Column, Judged, Limit, Measured, Picture, Trace, Uncertainty
 from benchctl.recordings.model import StepInfo
 from benchctl.reports import text
 from benchctl.reports.acceptance import document
@@ -29,36 +31,57 @@ from benchctl.reports.acceptance.catalogue import (
     verdict_of,
 )
 from benchctl.reports.acceptance.document import Badge, Budget, Row, Section, Table
-from benchctl.reports.figures import INK, Drawing, dots, inline_svg, new_figure, style
+from benchctl.reports.acceptance.set_up import set_points
+from benchctl.reports.figures import INK, dots, new_figure, style
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _MARKERS = ("o", "s", "^", "D", "v", "P")
 _DASHES = ("-", "--", "-.", ":")
-_HEIGHT_IN, _HEIGHT_WITH_LEFT_IN = 2.3, 3.1
-_MANY = 120
+_LIMIT = "#b3261e"
+_WIDTH_IN, _HEIGHT_IN = 3.42, 1.9
+_MANY = 100
 """Number of dots above which small dots are drawn."""
-_DPI = 250
-_LONGEST_UPRIGHT, _LONGEST_BELOW = 26, 14
+_DPI = 300
+_EIGHT_POINTS: dict[Any, Any] = dict.fromkeys(
+    ("font.size", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 8.0
+)
+_LONGEST_UPRIGHT, _LONGEST_BELOW = 22, 10
 
 
-def drawn(picture: Picture, name: str, words: Catalogue) -> document.Picture:
-    """Return the picture for page and PDF in the catalogue's language; `name` makes its ids unique."""
-    x, y = words.word(picture.x), words.word(picture.y)
-    caption = words.label("picture", x=x, y=y)
-    if picture.left:
-        caption = words.label("picture_left", x=x, y=y, left=words.word(picture.left[0].label))
-    with style():
-        figure = picture_figure(picture, words)
-        svg = inline_svg(figure, name)
-        figure.set_layout_engine("none")  # the layout is already computed
+def drawn(judged: Judged, picture: Picture, words: Catalogue) -> document.Picture:
+    """Return a test's picture for page and PDF in the catalogue's language, with a caption that states the finding."""
+    with style(), mpl.rc_context(_EIGHT_POINTS):
         pixels = io.BytesIO()
-        figure.savefig(pixels, format="png", dpi=_DPI, metadata={"Software": None})
-    return document.Picture(drawing=Drawing(svg=svg, alt=caption, caption=caption), png=pixels.getvalue())
+        limit = judged.limit if judged.limit and judged.limit.unit == _limited_unit(picture) else None
+        picture_figure(picture, limit, words).savefig(pixels, format="png", dpi=_DPI, metadata={"Software": None})
+    return document.Picture(png=pixels.getvalue(), caption=" ".join(_finding(judged, picture, limit, words)))
 
 
-def picture_figure(picture: Picture, words: Catalogue) -> Figure:
-    """Plot the traces; both axes are logarithmic if requested, y only if all values are positive."""
-    figure = new_figure(_HEIGHT_WITH_LEFT_IN if picture.left else _HEIGHT_IN)
+def _limited_unit(picture: Picture) -> str:
+    return {"x": picture.x_unit, "y": picture.y_unit, "": ""}[picture.limited]
+
+
+def _finding(judged: Judged, picture: Picture, limit: Limit | None, words: Catalogue) -> Iterator[str]:
+    yield words.label(
+        "finding",
+        name=words.test(judged.measured.name).name,
+        value=stated(judged.measured, words),
+        limit=limits(judged.limit, words),
+        verdict=verdict_of(judged, words),
+    )
+    if picture.limited == "y":
+        readings = picture.traces[0]
+        at = readings.x[int(np.argmax(np.abs(readings.y)))]
+        yield words.label("largest_at", x=text.with_unit(words.number(short(at)), words.unit(picture.x_unit)))
+    if any(trace.standard is not None for trace in picture.traces):
+        yield words.label("bars")
+    if limit:
+        yield words.label("dashed")
+
+
+def picture_figure(picture: Picture, limit: Limit | None, words: Catalogue) -> Figure:
+    """Plot the traces and a limit; both axes are logarithmic if requested, y only if all values are positive."""
+    figure = new_figure(_HEIGHT_IN, _WIDTH_IN)
     axes: list[Axes] = list(
         np.atleast_1d(figure.subplots(2, 1, sharex=True, height_ratios=(5, 3))) if picture.left else [figure.subplots()]
     )
@@ -76,21 +99,32 @@ def picture_figure(picture: Picture, words: Catalogue) -> Figure:
         if all((trace.y > 0).all() for trace in picture.traces):
             axes[0].set_yscale("log")
     for one in axes:
+        _draw_limit(one, picture.limited, limit)
         _say_numbers(one, words)
     if len({trace.label for trace in picture.traces}) > 1:
         axes[0].legend(loc="best")
     return figure
 
 
+def _draw_limit(axes: Axes, axis: str, limit: Limit | None) -> None:
+    """Draw the ends of a limit; an upper one of magnitudes also below zero."""
+    if limit is None:
+        return
+    ends = {limit.low, limit.high, -limit.high if axis == "y" and limit.low is None and limit.high else None}
+    for end in ends - {None}:
+        draw = axes.axvline if axis == "x" else axes.axhline
+        draw(float(end or 0.0), color=_LIMIT, linestyle="--", linewidth=1.0)
+
+
 class _Numbers(ScalarFormatter):
     """An axis formatter with the decimal sign of a language."""
 
     def __init__(self, words: Catalogue) -> None:
-        super().__init__(useMathText=True)
+        super().__init__(useOffset=False)  # mathtext would take half of the time of a figure
         self._words = words
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        return self._words.number(super().__call__(x, pos)).replace(",", "{,}")  # without the space that TeX adds
+        return self._words.number(super().__call__(x, pos))
 
 
 def _say_numbers(axes: Axes, words: Catalogue) -> None:
@@ -104,6 +138,10 @@ def _draw(axes: Axes, traces: Sequence[Trace], looks: Mapping[str, int], words: 
     for trace in traces:
         look = looks[trace.label]
         colour, label = _COLOURS[look % len(_COLOURS)], words.word(trace.label)
+        if trace.standard is not None:
+            axes.errorbar(
+                trace.x, trace.y, K * trace.standard, linestyle="none", ecolor=colour, elinewidth=0.7, zorder=1.2
+            )
         if not trace.dots:
             axes.plot(trace.x, trace.y, color=colour, linestyle=_DASHES[look % len(_DASHES)], label=label, zorder=1.5)
         elif trace.x.size > _MANY:
@@ -128,8 +166,6 @@ def _upright(told: str, longest: int) -> str:
 _MOST_DOF = 1000.0
 _MINOR_SHARE = 1e-3
 """Share of the variance below which contributors are merged into one row."""
-_WELL_KNOWN_SHARE = 0.8
-"""Share of the variance above which only the largest contributor is named."""
 
 
 def section(judged: Judged, number: str, infos: Mapping[int, StepInfo], words: Catalogue) -> Section:
@@ -150,9 +186,10 @@ def section(judged: Judged, number: str, infos: Mapping[int, StepInfo], words: C
         definition=texts.definition,
         formula=texts.formula,
         conditions=_conditions(measured, infos, words),
+        steps=_spans(measured.steps),
         notes=tuple(words.said(note) for note in notes),
         points=_points(measured.table, words) if measured.table else None,
-        picture=drawn(measured.picture, anchor(number), words) if measured.picture else None,
+        picture=drawn(judged, measured.picture, words) if measured.picture else None,
         budget=_budget(uncertainty, measured.unit, words) if uncertainty else None,
     )
 
@@ -176,20 +213,20 @@ def _result(judged: Judged, words: Catalogue) -> tuple[Row, ...]:
     )
 
 
-def _conditions(measured: Measured, infos: Mapping[int, StepInfo], words: Catalogue) -> tuple[Row, ...]:
-    procedure = PROCEDURES.get(measured.name, "")
+def _conditions(measured: Measured, infos: Mapping[int, StepInfo], words: Catalogue) -> str:
+    """Describe procedure, temperature and steps; over several set points the range of temperatures."""
     used = [infos[index] for index in measured.steps if index in infos]
-    rows = [(words.label("measured_by"), words.label("measured_by_told", procedure=procedure))] if procedure else []
-    if measured.temperature_c is not None:
+    told = [PROCEDURES.get(measured.name, "")]
+    points_c = {info.chamber_setpoint_c for info in used if math.isfinite(info.chamber_setpoint_c)}
+    if len(points_c) > 1:
+        told.append(set_points(points_c, words))
+    elif measured.temperature_c is not None:
         celsius = words.number(f"{measured.temperature_c:.1f}".replace("-", "−"))
-        rows.append((words.label("temperature"), text.with_unit(celsius, "°C")))
+        told.append(words.label("unit_at", temperature=text.with_unit(celsius, "°C")))
     if used:
         length_s = math.fsum(info.t_end - info.t_start for info in used)
-        described = [*_groups(used, words), words.label("recorded_for", duration=duration(length_s, words))]
-        rows.append((words.label("conditions"), "; ".join(described)))
-    if measured.steps:
-        rows.append((words.label("steps_used"), _spans(measured.steps)))
-    return tuple(rows)
+        told += [*_groups(used, words), words.label("recorded_for", duration=duration(length_s, words))]
+    return "; ".join(one for one in told if one)
 
 
 def _groups(used: Sequence[StepInfo], words: Catalogue) -> list[str]:
@@ -253,14 +290,16 @@ def _budget(uncertainty: Uncertainty, unit: str, words: Catalogue) -> Budget:
             rows=_contributors(uncertainty.contributors, shares, words),
             numeric=(False, False, True, True, False),
         ),
-        totals=(
-            (words.label("combined"), text.with_unit(_standard(uncertainty.standard, words), printed)),
-            (_by_gum(uncertainty.dof, words), text.with_unit(_standard(k * uncertainty.standard, words), printed)),
-            (words.label("monte_carlo"), text.with_unit(_standard(uncertainty.monte_carlo, words), printed)),
-            (words.label("stated"), text.with_unit(_standard(uncertainty.expanded, words), printed)),
+        totals=words.label(
+            "totals",
+            standard=_standard(uncertainty.standard, words),
+            k=significant(k, words),
+            dof=significant(uncertainty.dof, words, 2) if uncertainty.dof < _MOST_DOF else "∞",
+            gum=_standard(k * uncertainty.standard, words),
+            monte_carlo=_standard(uncertainty.monte_carlo, words),
+            expanded=text.with_unit(_standard(uncertainty.expanded, words), printed),
         ),
-        largest=_largest(uncertainty.contributors, shares, words),
-        says=words.said(uncertainty.says),
+        says="" if uncertainty.says.key == "gum_agrees" else words.said(uncertainty.says),
     )
 
 
@@ -290,26 +329,8 @@ def _contributors(
     return tuple(rows)
 
 
-def _by_gum(dof: float, words: Catalogue) -> str:
-    """Return the coverage factor by the degrees of freedom; from a thousand on these are printed as infinite."""
-    dof_text = significant(dof, words, 2) if dof < _MOST_DOF else words.label("unlimited")
-    return words.label("k_combined", k=significant(coverage_factor(dof), words), dof=dof_text)
-
-
-def _largest(contributors: Sequence[Contribution], shares: Sequence[float], words: Catalogue) -> str:
-    """Name the largest contribution, and the second unless the first exceeds `_WELL_KNOWN_SHARE`."""
-    if not any(shares):
-        return ""
-    names = [words.word(part.source, "sources") for part in contributors]
-    first, first_share = names[0], f"{100.0 * shares[0]:.0f}"
-    if shares[0] > _WELL_KNOWN_SHARE or len(names) == 1:
-        return words.label("largest", source=first, share=first_share)
-    second_share = f"{100.0 * shares[1]:.0f}"
-    return words.label("largest_two", source=first, share=first_share, second=names[1], second_share=second_share)
-
-
 def _standard(value: float, words: Catalogue) -> str:
-    return significant(value, words, 3) if value else "0"
+    return significant(value, words, 2) if value else "0"
 
 
 def _percent(share: float, words: Catalogue) -> str:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import math
+from base64 import b64decode
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+
+from PIL import Image
 
 from benchctl.bench import Bench, bench_of_text
 from benchctl.campaign.provenance import software
@@ -65,6 +69,7 @@ def facts_of(recording: Recording) -> RecordingFacts:
     )
 
 
+_LOGO_PX = (900, 300)
 _JUDGED_WITH = ("benchctl", "python", "numpy", "scipy")
 _NOT_STATED = "not stated"
 """The text of `setup_section` for a missing date of a certificate."""
@@ -95,6 +100,25 @@ def header(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> t
     return _stated(rows, words)
 
 
+def laboratory(meta: Meta) -> tuple[str, ...]:
+    """Return name and address of the laboratory, if the bench states them."""
+    bench = _bench(meta)
+    stated = bench.laboratory if bench else None
+    return tuple(cut(line) for line in (stated.name, stated.address) if line) if stated else ()
+
+
+def logo(meta: Meta) -> bytes:
+    """Return the laboratory's logo as a PNG image that is small enough for a page; empty if there is none."""
+    stream = io.BytesIO()
+    try:
+        with Image.open(io.BytesIO(b64decode(meta.provenance.get("laboratory_logo", ""))), formats=["PNG"]) as image:
+            image.thumbnail(_LOGO_PX)
+            image.save(stream, "PNG")
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):  # none, or not an image
+        return b""
+    return stream.getvalue()
+
+
 def equipment(meta: Meta, words: Catalogue) -> tuple[EquipmentRow, ...]:
     """Return the instruments of the bench; those with an expired certificate are marked."""
     ended = {one.role.replace("_", " ") for one in expired_of(meta)}
@@ -117,7 +141,7 @@ def environment(facts: RecordingFacts, words: Catalogue) -> tuple[Row, ...]:
     bench = meta.bench
     length_s = max(i.t_end for i in infos) - min(i.t_start for i in infos) if infos else 0.0
     rows = (
-        ("environment", _set_points([info.chamber_setpoint_c for info in infos], words)),
+        ("environment", set_points([info.chamber_setpoint_c for info in infos], words)),
         ("mounting", "; ".join(_mounting(meta, infos, words))),
         ("latitude", "" if bench.latitude_deg is None else text.with_unit(exact(bench.latitude_deg, words), "°")),
         ("encoder", _encoder(meta, words)),
@@ -164,7 +188,8 @@ def _until(told: str, expired: bool, words: Catalogue) -> str:
     return words.label("expired", date=told) if expired else told
 
 
-def _set_points(celsius: list[float], words: Catalogue) -> str:
+def set_points(celsius: Iterable[float], words: Catalogue) -> str:
+    """Return the range of the chamber's set points, °C; empty if none is known."""
     known = [value for value in celsius if math.isfinite(value)]
     if not known:
         return ""

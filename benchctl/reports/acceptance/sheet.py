@@ -8,7 +8,8 @@ from __future__ import annotations
 import io
 import math
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from datetime import datetime
 from functools import cache
 from pathlib import Path
@@ -19,7 +20,6 @@ from fpdf.enums import Align, TableBordersLayout, TextEmphasis, VAlign, XPos, YP
 from fpdf.fonts import FontFace
 from fpdf.table import Row as TableRow
 from matplotlib.ft2font import FT2Font
-from PIL import Image
 
 from benchctl.limits import cut
 
@@ -28,19 +28,19 @@ KIND_COLOURS = {"PASS": (0, 112, 90), "FAIL": (179, 38, 30), "INCONCLUSIVE": (13
 EXPIRED = KIND_COLOURS["FAIL"]
 
 _FONTS = {("sans", ""): "DejaVuSans.ttf", ("sans", "B"): "DejaVuSans-Bold.ttf", ("mono", ""): "DejaVuSansMono.ttf"}
-_MARGIN_MM, _TOP_MM, _BOTTOM_MM = 15.0, 22.0, 17.0
-_BODY_PT, _SMALL_PT, _FOOT_PT = 8.0, 7.0, 6.5
-_LEADING = 1.38
+_MARGIN_MM, _TOP_MM, _BOTTOM_MM = 15.0, 19.0, 15.0
+_BODY_PT = 8.0
+_LEADING = 1.3
 _MM_PER_PT = 25.4 / 72.0
-_CELL_PADDING_MM = (0.55, 1.8, 0.55, 0.8)
+_CELL_PADDING_MM = (0.35, 1.8, 0.35, 0.8)
 _WIDEST_SHARE = 0.5
 """Upper bound of a column's minimum width relative to the page, however long its words."""
 _NARROW_SHARE = 0.22
 """Columns up to this width relative to the page are not narrowed."""
 _HEADING_NEEDS_MM = 34.0
 """Minimum space for a heading and its content; otherwise the heading starts a new page."""
-_CAPTION_MM = 9.0
-_FEWEST_FOLDED, _FEWEST_ROWS, _GUTTER_MM = 13, 4, 7.0
+_GUTTER_MM = 6.0
+_LOGO_MM = (45.0, 15.0)
 _SPACES = " \u00a0\u202f"
 _LONGEST_VALUE, _LONGEST_CELL, _LONGEST_HEAD = 3000, 600, 200
 """Maximum numbers of characters of user text, so that no row of a table is higher than a page."""
@@ -73,19 +73,19 @@ class Sheet(FPDF):
         self.set_y(10.0)
         left, right = self._head
         right_mm = self._width(right, "B") + 2.0
-        self._ink(GREY, _FOOT_PT)
+        self._ink(GREY, _BODY_PT)
         self.cell(self.epw - right_mm, 4.0, self._fitted(left, self.epw - right_mm - 2.0))
-        self._ink(KIND_COLOURS[self._kind], _FOOT_PT, "B")
+        self._ink(KIND_COLOURS[self._kind], _BODY_PT, "B")
         self.cell(right_mm, 4.0, printable(right), align=Align.R)
         self.set_draw_color(*RULE)
         self.set_line_width(0.2)
-        self.line(self.l_margin, 15.0, self.w - self.r_margin, 15.0)
+        self.line(_MARGIN_MM, 15.0, self.w - _MARGIN_MM, 15.0)
         self.set_y(_TOP_MM)
 
     def footer(self) -> None:
         """See `FPDF`."""
         self.set_y(-11.0)
-        self._ink(GREY, _FOOT_PT)
+        self._ink(GREY, _BODY_PT)
         self.cell(0, 4.0, self._foot(page=str(self.page_no()), pages="{nb}"))
 
     def heading(self, words: str, level: int = 2, *, needs_mm: float = _HEADING_NEEDS_MM) -> None:
@@ -106,11 +106,10 @@ class Sheet(FPDF):
         if self.will_page_break(height_mm):
             self.add_page()
 
-    def text_block(self, words: str, *, small: bool = False, grey: bool = False, bold: bool = False) -> None:
+    def text_block(self, words: str, *, grey: bool = False, bold: bool = False) -> None:
         """Print a paragraph."""
-        size = _SMALL_PT if small else _BODY_PT
-        self._ink(GREY if grey else INK, size, "B" if bold else "")
-        self._block(words, size)
+        self._ink(GREY if grey else INK, _BODY_PT, "B" if bold else "")
+        self._block(words, _BODY_PT)
         self.ln(0.9)
 
     def bullets(self, sentences: Sequence[str]) -> None:
@@ -142,8 +141,14 @@ class Sheet(FPDF):
         self.multi_cell(0, 7.0, printable(beside), align=Align.L, new_x=XPos.LMARGIN, new_y=YPos.NEXT)
         self.ln(1.6)
 
-    def rows(self, rows: Sequence[tuple[str, str]], *, name_share: float = 0.27, mono: bool = False) -> None:
-        """Print names and values in two columns."""
+    def rows(
+        self,
+        rows: Sequence[tuple[str, str]],
+        *,
+        name_share: float = 0.27,
+        looks: Callable[[int], FontFace | None] = lambda row: None,
+    ) -> None:
+        """Print names and values in two columns; `looks` returns the font of a value by its row."""
         if not rows:
             return
         self._ink(INK, _BODY_PT)
@@ -153,16 +158,14 @@ class Sheet(FPDF):
             borders_layout=TableBordersLayout.NONE,
             line_height=_BODY_PT * _LEADING * _MM_PER_PT,
             padding=(0.25, 1.5, 0.25, 0.0),
+            align=Align.L,
             text_align=Align.L,
             v_align=VAlign.T,
         ) as table:
-            for name, value in rows:
+            for number, (name, value) in enumerate(rows):
                 row = table.row()
                 row.cell(printable(cut(name, _LONGEST_CELL)), style=FontFace(color=GREY))
-                row.cell(
-                    printable(cut(value, _LONGEST_VALUE)),
-                    style=FontFace(family="mono", size_pt=_SMALL_PT) if mono else None,
-                )
+                row.cell(printable(cut(value, _LONGEST_VALUE)), style=looks(number))
         self.ln(1.6)
 
     def grid(
@@ -171,72 +174,65 @@ class Sheet(FPDF):
         rows: Sequence[Sequence[str]],
         numeric: Sequence[bool],
         *,
-        fill: bool = True,
-        small: bool = False,
         looks: Callable[[int, int], FontFace | None] = lambda row, column: None,
         links: Sequence[int | None] = (),
     ) -> None:
-        """Print a table whose headings are repeated on each page; `fill`: it has the full width of the page.
+        """Print a table of the page's width, whose headings are repeated on each page.
 
         `looks` returns the font of a cell by its row and column; `links` are the targets of each row's last cell.
-        Without headings, none are printed.
         """
-        size = _SMALL_PT if small else _BODY_PT - 0.5
-        all_rows = [*([headings] if headings else []), *rows]
-        widths = self._column_widths(all_rows, size, fill=fill)
-        self._ink(INK, size)
+        widths = self._column_widths([headings, *rows])
+        self._ink(INK, _BODY_PT)
         self.set_draw_color(*RULE)
         self.set_line_width(0.15)
         with self.table(
             col_widths=tuple(widths),
-            width=min(sum(widths), self.epw),
             align=Align.L,
-            first_row_as_headings=bool(headings),
             headings_style=FontFace(emphasis=TextEmphasis.B, color=INK, fill_color=(240, 241, 243)),
             borders_layout=TableBordersLayout.HORIZONTAL_LINES,
-            line_height=size * _LEADING * _MM_PER_PT,
+            line_height=_BODY_PT * _LEADING * _MM_PER_PT,
             padding=_CELL_PADDING_MM,
             v_align=VAlign.T,
             text_align=tuple(Align.R if right else Align.L for right in numeric),
         ) as table:
-            if headings:
-                _fill(table.row(), headings, [None] * len(headings), None)
+            _fill(table.row(), headings, [None] * len(headings), None)
             for number, cells in enumerate(rows):
                 faces = [looks(number, place) for place in range(len(cells))]
                 _fill(table.row(), cells, faces, links[number] if links else None)
         self.ln(2.0)
 
-    def folded(self, headings: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> None:
-        """Print a long narrow table in several blocks across the page."""
-        widths = self._column_widths([headings, *rows], _SMALL_PT, fill=False)
-        blocks = 1 if len(rows) < _FEWEST_FOLDED else max(1, int((self.epw + _GUTTER_MM) / (sum(widths) + _GUTTER_MM)))
-        row_mm = _SMALL_PT * _LEADING * _MM_PER_PT + _CELL_PADDING_MM[0] + _CELL_PADDING_MM[2]
-        left = list(rows)
-        while left:
-            fitting = int((self.page_break_trigger - self.get_y()) / row_mm) - 2  # the headings may need two lines
-            if fitting < min(_FEWEST_ROWS, len(left)):
-                self.add_page()
-                continue
-            deep = min(fitting, -(-len(left) // blocks))
-            part, left = left[: blocks * deep], left[blocks * deep :]
-            self._blocks(headings, [part[start : start + deep] for start in range(0, len(part), deep)], numeric)
-
-    def has_room_for(self, png: bytes) -> bool:
-        """Return whether a picture and its caption fit on this page."""
-        return not self.will_page_break(self._height(png) + _CAPTION_MM)
-
-    def picture(self, png: bytes, caption: str) -> None:
-        """Print a picture over the full width, with its caption on the same page."""
-        if not self.has_room_for(png):
-            self.add_page()
-        self.image(io.BytesIO(png), w=self.epw, h=self._height(png), alt_text=printable(caption))
+    @contextmanager
+    def beside(self, png: bytes, caption: str) -> Iterator[None]:
+        """Print what follows in the left half, with a picture and its caption to its right."""
+        page, top, width = self.page, self.get_y(), (self.epw - _GUTTER_MM) / 2.0
+        self.set_left_margin(self.w - _MARGIN_MM - width)
+        self.set_y(top)
+        self.image(io.BytesIO(png), w=width, alt_text=printable(caption))
         self.set_y(self.get_y() + 0.6)
-        self.text_block(caption, small=True, grey=True)
+        self.text_block(caption, grey=True)
+        bottom = self.get_y()
+        self.set_left_margin(_MARGIN_MM)
+        self.set_right_margin(_MARGIN_MM + width + _GUTTER_MM)
+        self.set_y(top)
+        yield
+        self.set_right_margin(_MARGIN_MM)
+        if self.page == page:
+            self.set_y(max(bottom, self.get_y()))
+
+    def letterhead(self, logo: bytes, lines: Sequence[str]) -> None:
+        """Print the laboratory at the left and its logo at the right."""
+        top = self.get_y()
+        if logo:
+            self.image(io.BytesIO(logo), x=Align.R, y=top, w=_LOGO_MM[0], h=_LOGO_MM[1], keep_aspect_ratio=True)
+            self.set_y(top)
+        for place, line in enumerate(lines):
+            self.text_block(self._fitted(line, self.epw - _LOGO_MM[0]), bold=place == 0)
+        self.set_y(max(self.get_y(), top + (_LOGO_MM[1] if logo else 0.0)))
 
     def signature_lines(self, headings: Sequence[str], who: Sequence[str]) -> None:
         """Print a line for each signature."""
         widths = (0.31 * self.epw, 0.27 * self.epw, 0.24 * self.epw, 0.18 * self.epw)
-        self._ink(GREY, _SMALL_PT)
+        self._ink(GREY, _BODY_PT)
         for heading, width in zip(headings, widths, strict=True):
             self.cell(width, 5.0, printable(heading))
         self.ln(5.0)
@@ -255,35 +251,16 @@ class Sheet(FPDF):
         self.ln(7.0)
         self._rule(RULE, 0.2)
 
-    def _height(self, png: bytes) -> float:
-        with Image.open(io.BytesIO(png)) as image:
-            return float(self.epw * image.height / image.width)
-
-    def _blocks(
-        self, headings: Sequence[str], blocks: Sequence[Sequence[Sequence[str]]], numeric: Sequence[bool]
-    ) -> None:
-        """Print blocks of rows across the page, the first the longest."""
-        empty = ("",) * len(headings)
-        self.grid(
-            _spaced([headings] * len(blocks)),
-            [_spaced([block[k] if k < len(block) else empty for block in blocks]) for k in range(len(blocks[0]))],
-            [right for place in range(len(blocks)) for right in ((False,) if place else ()) + tuple(numeric)],
-            fill=False,
-            small=True,
-        )
-
-    def _column_widths(self, rows: Sequence[Sequence[str]], size: float, *, fill: bool) -> list[float]:
+    def _column_widths(self, rows: Sequence[Sequence[str]]) -> list[float]:
         """Return column widths for text on one line; if the sum is too large, wide columns wrap between words."""
         pad = _CELL_PADDING_MM[1] + _CELL_PADDING_MM[3] + 0.6
         columns = list(zip(*rows, strict=True))
-        natural = [max(self._width(cell, "B", size) for cell in column) + pad for column in columns]
-        least = [
-            max(self._width(word, "B", size) for cell in column for word in cell.split(" ")) + pad for column in columns
-        ]
+        natural = [max(self._width(cell, "B") for cell in column) + pad for column in columns]
+        least = [max(self._width(word, "B") for cell in column for word in cell.split(" ")) + pad for column in columns]
         if sum(natural) > self.epw:
             natural = _yielding(natural, [min(one, _WIDEST_SHARE * self.epw) for one in least], self.epw)
         total = sum(natural)
-        return [self.epw * one / total for one in natural] if fill or total > self.epw else natural
+        return [self.epw * one / total for one in natural]
 
     def _block(self, words: str, size: float) -> None:
         height = size * _LEADING * _MM_PER_PT
@@ -299,7 +276,7 @@ class Sheet(FPDF):
         self.set_font("sans", style, size)
         self.set_text_color(*colour)
 
-    def _width(self, words: str, style: str = "", size: float = _FOOT_PT) -> float:
+    def _width(self, words: str, style: str = "", size: float = _BODY_PT) -> float:
         self.set_font("sans", style, size)
         return float(self.get_string_width(printable(words)))
 
@@ -334,11 +311,6 @@ def _fill(row: TableRow, cells: Sequence[str], faces: Sequence[FontFace | None],
     """Write a row; a link belongs to its last cell."""
     for place, (cell, face) in enumerate(zip(cells, faces, strict=True), start=1):
         row.cell(printable(cut(cell, _LONGEST_CELL)), style=face, link=link if place == len(cells) else None)
-
-
-def _spaced(blocks: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """Join the rows of several blocks, with an empty cell between two blocks."""
-    return tuple(cell for place, block in enumerate(blocks) for cell in (("    ",) if place else ()) + tuple(block))
 
 
 def printable(words: str) -> str:

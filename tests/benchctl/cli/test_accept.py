@@ -10,6 +10,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import h5py
+import pypdfium2
 import pytest
 
 from benchctl.bench import template
@@ -306,3 +307,7 @@ def test_a_small_acceptance_holds_all_tests_and_is_judged_by_what_init_wrote(her
     assert (tests["bandwidth"]["bound"], verdicts["bandwidth"]) == ("at least", "INCONCLUSIVE")
     assert {name for name, verdict in verdicts.items() if verdict == "INCONCLUSIVE"} <= {"bandwidth", "warm_up_time"}
     assert "FAIL" not in verdicts.values()
+    for language in ("en", "ru"):
+        verb("accept", "all.h5", "--limits", "new/limits.toml", "--lang", language, "--out", language)
+        with pypdfium2.PdfDocument(here / language / "acceptance.pdf") as pages:
+            assert len(pages) <= 13

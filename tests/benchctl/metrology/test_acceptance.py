@@ -324,7 +324,7 @@ def test_the_scale_factor_of_an_output_that_is_a_rate_is_a_number() -> None:
     volts, rates = measured_in(made, Settings())[0], measured_in(digital, Settings())[0]
     assert volts.value is not None
     assert (volts.unit, rates.unit, rates.value) == ("mV/(deg/s)", "1", pytest.approx(1e-3 * volts.value))
-    assert [column.unit for column in rates.table] == ["deg/s", "deg/s", "ppm"]
+    assert [column.unit for column in rates.table] == ["deg/s", "deg/s"]
     assert rates.picture is not None
     assert (rates.picture.x_unit, rates.picture.y_unit) == ("deg/s", "deg/s")
     own = limits_of_text('[limits.scale_factor]\nlow = 0.049\nhigh = 0.051\nunit = "1"', Path("digital.toml"))
@@ -381,3 +381,17 @@ def test_steps_that_a_result_names_are_steps_of_the_recording() -> None:
         for trace in one.picture.traces if one.picture else ():
             assert np.isfinite(trace.x).all()
             assert np.isfinite(trace.y).all()
+            assert trace.standard is None or (trace.standard >= 0.0).all()
+
+
+def test_points_have_the_scatter_of_their_readings_and_the_stated_errors_as_bars() -> None:
+    recording = recorded(SMALL, IDEAL, 1)[0]
+    picture = next(one.picture for one in measured_in(recording, Settings()) if one.name == "nonlinearity")
+    assert picture is not None
+    (trace,) = picture.traces
+    assert trace.standard is not None
+    assert trace.standard.shape == trace.y.shape
+    assert picture.limited == "y"
+    assert np.max(np.abs(trace.y)) == next(
+        one.value for one in measured_in(recording, Settings()) if one.name == "nonlinearity"
+    )

@@ -11,7 +11,18 @@ from hypothesis import strategies as st
 
 from benchctl.calibration.result import Contribution
 from benchctl.calibration.uncertainty import K
-from benchctl.metrology.result import Bound, Judged, Limit, Measured, Uncertainty, Verdict, message
+from benchctl.metrology.result import (
+    Bound,
+    Column,
+    Judged,
+    Limit,
+    Measured,
+    Picture,
+    Trace,
+    Uncertainty,
+    Verdict,
+    message,
+)
 from benchctl.metrology.verdict import in_unit, judged, overall, rule_of
 
 GUARDED, SIMPLE = rule_of(1.0), rule_of(0.0)
@@ -145,6 +156,25 @@ def test_a_result_is_judged_and_stated_in_the_limits_unit() -> None:
     assert told.contributors[0].standard == pytest.approx(0.05)
     assert found.measured.unit == "deg/s"
     assert in_unit(found.measured, "deg/h").value == pytest.approx(3600.0)
+
+
+def test_points_and_plot_of_a_result_are_in_the_limits_unit_too() -> None:
+    ppm = np.array([100.0, -300.0])
+    columns = (
+        Column(name="rate", unit="deg/s", values=(1.0, 2.0)),
+        Column(name="misfit", unit="ppm", values=(100.0, -300.0)),
+    )
+    trace = Trace(label="misfit", x=np.array([1.0, 2.0]), y=ppm, standard=np.array([10.0, 20.0]))
+    picture = Picture(x="rate", x_unit="deg/s", y="misfit", y_unit="ppm", traces=(trace,), limited="y")
+    measured = Measured(name="nonlinearity", unit="ppm", value=300.0, table=columns, picture=picture)
+    found = in_unit(measured, "%")
+    assert [one.unit for one in found.table] == ["deg/s", "%"]
+    assert found.table[1].values == pytest.approx((0.01, -0.03))
+    assert found.picture is not None
+    assert (found.picture.x_unit, found.picture.y_unit) == ("deg/s", "%")
+    assert found.picture.traces[0].x == pytest.approx([1.0, 2.0])
+    assert found.picture.traces[0].y == pytest.approx([0.01, -0.03])
+    assert found.picture.traces[0].standard == pytest.approx([0.001, 0.002])
 
 
 def test_the_worst_of_all_verdicts_is_that_of_the_unit() -> None:

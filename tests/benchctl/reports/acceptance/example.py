@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchctl.bench import template
 from benchctl.metrology.result import (
     Acceptance,
     Column,
@@ -30,6 +31,8 @@ from benchctl.reports.acceptance.set_up import RecordingFacts
 from benchctl.reports.coefficient_tables import Coefficient
 
 HOSTILE = "<script>alert('1')</script>&\"\x00\u202e日本"
+LOGO = "iVBORw0KGgoAAAANSUhEUgAAAAgAAAAECAIAAAA8r+mnAAAAFElEQVR4nGNkKNjEgA0wYRUlSwIAcEYBKozAPygAAAAASUVORK5CYII="
+"""A PNG image of 8 by 4 pixels, in base64."""
 RATES = np.linspace(-150.0, 150.0, 31)
 STEPS = tuple(range(1, 41))
 DIGESTS = {index: hashlib.sha256(str(index).encode()).hexdigest() for index in STEPS}
@@ -128,7 +131,7 @@ def judged() -> tuple[Judged, ...]:
                 value=1.31,
                 uncertainty=uncertainty(0.02, "size_of_changes"),
                 temperature_c=20.1,
-                steps=STEPS[:5],
+                steps=(*STEPS[:5], 36),
                 notes=(message("line_up_to", limit_dps=40.0),),
             ),
             limit=Limit(low=None, high=1.0, unit="%"),
@@ -178,7 +181,7 @@ def judged() -> tuple[Judged, ...]:
             measured=Measured(
                 name="rate_ramp",
                 unit="(deg/h)/h",
-                refused=message("term_refused", why="its slope lies outside the record, or under the other terms"),
+                refused=message("term_refused", why="its slope lies outside the record, or below the other terms"),
             ),
             limit=None,
             verdict=None,
@@ -191,7 +194,14 @@ def acceptance(**changes: object) -> Acceptance:
         "verdict": "FAIL",
         "rule": Rule(guard=1.0, says=message("rule_guarded", guard=1.0, risk_percent=2.3)),
         "judged": judged(),
-        "papers": Papers(customer="АО «Заказчик»", standard="ТУ 6635-001", stage="after vibration", firmware="2.1.0"),
+        "papers": Papers(
+            number="17-2026",
+            revision="2",
+            customer="АО «Заказчик»",
+            standard="ТУ 6635-001",
+            stage="after vibration",
+            firmware="2.1.0",
+        ),
         "limits_name": "limits.toml",
         "limits_text": "guard = 1.0",
         "limits_sha256": hashlib.sha256(b"limits").hexdigest(),
@@ -256,6 +266,8 @@ def facts(serial: str = "VG-0917", **changes: object) -> RecordingFacts:
                 "software": json.dumps({"benchctl": "0.1.0", "python": "3.11.7", "numpy": "2.3.1"}),
                 "operator": "Ö. Ångström",
                 "bench": "стенд 2",
+                "bench_toml": template() + '\n[laboratory]\nname = "Gyro laboratory"\naddress = "Optics street 1"\n',
+                "laboratory_logo": LOGO,
                 "started_utc": "2026-11-20T18:00:00+00:00",
             },
         ),

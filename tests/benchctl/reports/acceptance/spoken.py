@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import benchctl.metrology
+import benchctl.metrology.allan
 import benchctl.recordings.stated
 
 _SOURCES = (*Path(benchctl.metrology.__path__[0]).rglob("*.py"), Path(benchctl.recordings.stated.__file__))
@@ -34,6 +35,19 @@ def sources() -> set[str]:
 def origins() -> set[str]:
     """Where a figure of uncertainty is taken from; `0` stands for what is filled in."""
     return _told(_SAYS)
+
+
+def reasons() -> set[str]:
+    """Why the Allan deviation does not show a term."""
+    tree = ast.parse(Path(benchctl.metrology.allan.__file__).read_text(encoding="utf-8"))
+    given = [node for node in ast.walk(tree) if isinstance(node, ast.Assign)]
+    return {
+        str(node.value.value)
+        for node in given
+        if isinstance(node.targets[0], ast.Subscript)
+        and ast.unparse(node.targets[0].value) == "refused"
+        and isinstance(node.value, ast.Constant)
+    }
 
 
 def units() -> set[str]:

@@ -63,7 +63,8 @@ def test_every_label_source_and_phrase_of_the_metrology_has_its_words(language: 
     tables = catalogue(language).tables
     assert sorted(spoken.labels() - tables["words"].keys()) == [], "columns, traces or axes without a word"
     assert sorted(spoken.sources() - tables["sources"].keys()) == [], "sources of uncertainty without a word"
-    unknown = [told for told in spoken.origins() if not known_phrase(told)]
+    assert spoken.reasons()
+    unknown = [told for told in spoken.origins() | spoken.reasons() if not known_phrase(told)]
     assert unknown == [], "origins of figures that no phrase of the catalogue fits"
 
 
@@ -73,7 +74,7 @@ def known_phrase(told: str) -> bool:
 
 def test_phrases_are_translated_with_their_numbers_and_a_strange_one_is_kept() -> None:
     russian = catalogue("ru")
-    assert russian.phrase("±2.5″ stated, uniform") == "указано ±2,5″, равномерно"
+    assert russian.phrase("±2.5″ stated, uniform") == "указано ±2,5″, равномерное распределение"
     assert russian.phrase("certificate A.1-2.3, k = 2") == "свидетельство A.1-2.3, k = 2"
     assert russian.phrase("latitude: assumed; tilt: certificate, k = 2") == (
         "широта: принято; наклон оси: свидетельство, k = 2"
