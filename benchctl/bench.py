@@ -365,6 +365,9 @@ class GyroEntry(InstrumentEntry):
     sign: Literal[1, -1] = Field(
         default=1, description="-1 where its rate falls while the table turns counter-clockwise."
     )
+    axes: Literal[1, 3] = Field(
+        default=1, description="3: the rates of x, y and z are recorded, too, for the procedure three_axes."
+    )
 
 
 class Bench(Table):
@@ -482,7 +485,8 @@ class Bench(Table):
     @property
     def recorded_hz(self) -> float:
         """The number of rows of four channels recorded per second of a streamed step: scans and frames."""
-        return self.digitizer.sample_rate_hz + (self.gyro.frame_rate_hz if self.gyro else 0.0)
+        frames_hz = self.gyro.frame_rate_hz * (1.75 if self.gyro.axes == 3 else 1.0) if self.gyro else 0.0
+        return self.digitizer.sample_rate_hz + frames_hz
 
     def read_from(self, text: str, chamber_profile: str) -> Bench:
         """Return the same bench with the texts of these files."""

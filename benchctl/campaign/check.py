@@ -13,11 +13,12 @@ from benchctl.atomic import free_bytes
 from benchctl.bench import Bench
 from benchctl.campaign.timing import disk_bytes, step_that_fills, timeline
 from benchctl.certificates import Expired, expired
-from benchctl.plan import Plan, Soak, Step, ThermalRamp
+from benchctl.plan import Mount, Plan, Soak, Step, ThermalRamp
 from benchctl.plan.steps import Polled, faults
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
 from benchctl_instruments.catalog import counts_encoder, fastest_hz, oscillates
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.mounting import AXIS_POSITIONS
 
 _NUMBER = re.compile(r"[+-]?\d[\d.e+-]*")
 
@@ -108,6 +109,8 @@ def _beyond(step: Step, bench: Bench, sinusoids: bool) -> Iterator[str]:
                 f"goes to {celsius:g} °C, the bench's limits are {limits.coldest_c:g} to {limits.hottest_c:g} °C "
                 "(limits.coldest_c, limits.hottest_c)"
             )
+    if isinstance(step, Mount) and step.position in AXIS_POSITIONS and (bench.gyro is None or bench.gyro.axes != 3):
+        yield "turns a unit of three axes, and the bench has none; state axes = 3 in the table [gyro] of bench.toml"
     rate_hz = bench.digitizer.sample_rate_hz
     if not isinstance(step, Polled):
         yield from _beyond_digitizer(step, bench)

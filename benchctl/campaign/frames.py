@@ -30,7 +30,7 @@ from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.safety import Supervisor
 from benchctl.campaign.stream import StreamRecorder
 from benchctl.recordings.campaign_folder import StepWriter
-from benchctl.recordings.model import FRAME_CHANNELS, StepInfo
+from benchctl.recordings.model import AXIS_CHANNELS, FRAME_CHANNELS, StepInfo
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import BenchError, LinkError
 from benchctl_instruments.interfaces import Clock, Gyro, GyroBlock, GyroCounts
@@ -43,12 +43,13 @@ UNKNOWN = 256.0
 class Frames:
     """Frames with their sample times on the clock of the stamps; every array of shape (n,), oldest first.
 
-    `status` is 0 if the gyro marks the sample as valid, otherwise 256 + the gyro's status. `missing` is the number of
-    samples missing just before each one.
+    `rates_dps` are those of all axes, shape (n, 3). `status` is 0 if the gyro marks the sample as valid, otherwise 256
+    + the gyro's status. `missing` is the number of samples missing just before each one.
     """
 
     time_s: FloatArray
     rate_dps: FloatArray
+    rates_dps: FloatArray
     temp_c: FloatArray
     status: FloatArray
     missing: IntArray
@@ -140,6 +141,7 @@ class FrameTimes:
             Frames(
                 time_s=zero_s + index / self._rate_hz,
                 rate_dps=block.rate_dps[part],
+                rates_dps=block.rates_dps[part],
                 temp_c=block.temperature_c[part],
                 status=np.where(block.valid[part], 0.0, UNKNOWN + block.status[part]),
                 missing=np.diff(index, prepend=before) - 1,
@@ -151,6 +153,7 @@ def _of(frames: Frames, those: BoolArray) -> Frames:
     return Frames(
         time_s=frames.time_s[those],
         rate_dps=frames.rate_dps[those],
+        rates_dps=frames.rates_dps[those],
         temp_c=frames.temp_c[those],
         status=frames.status[those],
         missing=frames.missing[those],
@@ -161,6 +164,7 @@ def _joined(parts: list[Frames]) -> Frames:
     return Frames(
         time_s=np.concatenate([np.empty(0), *(part.time_s for part in parts)]),
         rate_dps=np.concatenate([np.empty(0), *(part.rate_dps for part in parts)]),
+        rates_dps=np.concatenate([np.empty((0, 3)), *(part.rates_dps for part in parts)]),
         temp_c=np.concatenate([np.empty(0), *(part.temp_c for part in parts)]),
         status=np.concatenate([np.empty(0), *(part.status for part in parts)]),
         missing=np.concatenate([np.empty(0, np.int64), *(part.missing for part in parts)]),
@@ -306,6 +310,7 @@ class FrameRecorder:
     def __init__(self, opened: OpenBench, gyro: Gyro, rate_hz: float, supervisor: Supervisor, into: StepWriter) -> None:
         self._opened, self._gyro, self._supervisor, self._into = opened, gyro, supervisor, into
         self._sign = opened.bench.gyro.sign if opened.bench.gyro else 1
+        self._channels = frame_channels(opened)
         self._pump = FramePump(gyro, opened.clock, rate_hz)
         self._times = FrameTimes(self._pump.rate_hz)
         self._counts = GyroCounts(samples=0, lost=0, bad_frames=0, junk_bytes=0)
@@ -392,8 +397,8 @@ class FrameRecorder:
         inside = time_s >= scans.t_start
         if not inside.any():
             return
-        values = (time_s, self._sign * frames.rate_dps, frames.temp_c, frames.status)
-        self._into.append({name: samples[inside] for name, samples in zip(FRAME_CHANNELS, values, strict=True)})
+        values = (time_s, self._sign * frames.rate_dps, frames.temp_c, frames.status, *frames.rates_dps.T)
+        self._into.append({name: samples[inside] for name, samples in zip(self._channels, values, strict=False)})
         self.written += int(inside.sum())
         self._last_s = float(time_s[-1])
         self._tell_missing(frames.missing[inside], time_s[inside])
@@ -428,6 +433,13 @@ class FrameRecorder:
         if silent_s > AGO / self._pump.rate_hz:
             why = self._pump.silence
             raise LinkError(f"no frame came for {silent_s:.3g} s; look at its supply and its line ({why})")
+
+
+def frame_channels(opened: OpenBench) -> tuple[str, ...]:
+    """Return the channels of a bench's digital gyro; empty if there is none."""
+    if opened.gyro is None or opened.bench.gyro is None:
+        return ()
+    return (*FRAME_CHANNELS, *AXIS_CHANNELS) if opened.bench.gyro.axes == 3 else FRAME_CHANNELS
 
 
 def frames_of(opened: OpenBench, supervisor: Supervisor, into: StepWriter) -> StepFrames:

@@ -49,7 +49,10 @@ def power_question(unit: str, on: bool) -> str:
 
 
 def mount_question(unit: str, position: Position) -> str:
-    """Return the question to mount a unit with its input axis along or across the table's axis."""
+    """Return the question to mount a unit with its input axis, or one of three axes, in a position."""
+    if position != "along" and position != "across":
+        axis, way = position.split()
+        return f"turn unit {unit} so that its {axis} axis points {way}, then stand clear of the table"
     return f"mount unit {unit} with its input axis {position} the table's axis, then stand clear of the table"
 
 
@@ -110,7 +113,7 @@ class Hands(Protocol):
         """Switch the unit's supply."""
 
     def mount(self, position: Position, meanwhile: Meanwhile) -> None:
-        """Mount the unit with its input axis along or across the table's axis."""
+        """Mount the unit in a position."""
 
     def turn(self, rate_dps: float, meanwhile: Meanwhile) -> None:
         """Set the rate of a manual table [deg/s], positive counter-clockwise from above, or stop it (0)."""

@@ -23,6 +23,7 @@ from benchctl_instruments.errors import BenchError, BenchNotReadyError, UsageErr
 from benchctl_instruments.interfaces import Chamber, Clock, Digitizer, Gyro, Identity, Instrument, RateTable
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.making import make_effects
+from benchctl_instruments.physics.three_axes import ThreeAxisParameters
 from benchctl_instruments.rate_tables.manual import ManualTable, WatchedDigitizer
 from benchctl_instruments.simulated.bench import SimulatedBench, twin_keywords
 from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
@@ -165,6 +166,8 @@ def _wired(bench: Bench, more: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 def world_settings(bench: Bench) -> WorldSettings:
     """Return the settings of the simulated world: `[physics]`, made consistent with the bench's other tables."""
     settings = WorldSettings.from_mapping(bench.physics, where="physics")
+    if bench.gyro is not None and bench.gyro.axes == 3 and settings.three_axes is None:
+        settings = replace(settings, three_axes=ThreeAxisParameters())
     entry, site = bench.digitizer, bench.site
     stated = {name: getattr(settings.encoder, name) for name in bench.physics.get("encoder", {})}
     known = {**stated, "counts_per_rev": entry.encoder_counts_per_rev, "sign": entry.encoder_sign}

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from benchctl.campaign.frames import NoFrames, StepFrames, frames_of
+from benchctl.campaign.frames import NoFrames, StepFrames, frame_channels, frames_of
 from benchctl.campaign.hands import Hands, Meanwhile
 from benchctl.campaign.interlocks import Change
 from benchctl.campaign.opened import OpenBench
@@ -22,7 +22,7 @@ from benchctl.campaign.stream import STREAM_CHANNELS, StreamRecorder
 from benchctl.plan import Ask, ConstantRate, Mount, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.plan.steps import Polled
 from benchctl.recordings.campaign_folder import CampaignWriter, StepWriter
-from benchctl.recordings.model import FRAME_CHANNELS, StepInfo
+from benchctl.recordings.model import StepInfo
 from benchctl.recordings.step_writer import CLOSING_S_PER_SCAN
 from benchctl_instruments.errors import InstrumentError, SafetyError
 from benchctl_instruments.interfaces import Position
@@ -86,7 +86,7 @@ class StepPlayer:
                 self._swing(step.swing_dps, step.swing_hz, step.settle_s)
             case ThermalRamp():
                 self._turn(step.rate_dps, step.settle_s)
-        channels = (*STREAM_CHANNELS, *(FRAME_CHANNELS if self.opened.gyro else ()))
+        channels = (*STREAM_CHANNELS, *frame_channels(self.opened))
         return self._record(index, step, channels, lambda into: self._stream(step, into))
 
     def close_torn(self, aside: int | None = None) -> int:
@@ -147,7 +147,7 @@ class StepPlayer:
         setpoint_c = step.setpoint_c if isinstance(step, Soak) else self.setpoint_c
         streams = not isinstance(step, Polled)
         position = step.position if isinstance(step, Mount) else self.position
-        mounting = "across" if position == "across" else ""
+        mounting = "" if position == "along" else position
         rate_dps = step.rate_dps if isinstance(step, ConstantRate | ThermalRamp) else None
         amplitude_dps, frequency_hz = _swing_of(step)
         return StepInfo(

@@ -122,8 +122,8 @@ def steps_to_play(plan: Plan, infos: Sequence[StepInfo], safe_c: float) -> Itera
     complete = whole_steps(plan, infos)
     index = free_index(infos, len(plan.steps))
     mounted = tuple(positions(plan.steps))
-    # a unit that was left mounted across may have been removed since
-    current: Position | None = None if complete and mounted[max(complete) - 1] == "across" else "along"
+    # a unit that was not left along the table's axis may have been removed since
+    current: Position | None = None if complete and mounted[max(complete) - 1] != "along" else "along"
     for number, (step, position) in enumerate(zip(plan.steps, mounted, strict=True), 1):
         if number in complete:
             continue

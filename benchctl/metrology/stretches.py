@@ -87,9 +87,9 @@ def stretches_of(recording: Recording) -> Iterator[Stretch]:
 
 
 def _is_read(before: StepInfo | None, info: StepInfo) -> bool:
-    """Return whether a step gives readings: at rest or at a constant rate, complete, and not warming up."""
+    """Return whether a step gives readings of one axis: at rest or at a constant rate, complete, not warming up."""
     warms_up = before is not None and before.kind == "power_cycle" and info.kind == "static"
-    return info.kind in QUIET_KINDS and info.whole and not warms_up
+    return info.kind in QUIET_KINDS and info.whole and info.mounting in ("", "across") and not warms_up
 
 
 def _after(before: Stretch, info: StepInfo) -> Stretch:

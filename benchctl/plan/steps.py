@@ -242,7 +242,10 @@ class PowerCycle(BaseStep):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mount(BaseStep):
-    """Mount the unit with its input axis along the table's axis (the initial position) or across it."""
+    """Mount the unit with its input axis along the table's axis (the initial position) or across it.
+
+    A unit of three axes is turned so that one of them points up or down: "x up", "x down" and so on.
+    """
 
     kind: ClassVar[str] = "mount"
 

@@ -24,11 +24,14 @@ AXES: tuple[Axis, ...] = get_args(Axis)
 FRAME_CHANNELS = ("frame_time_s", "frame_rate_dps", "frame_temp_c", "frame_status")
 """The channels of a digital gyro."""
 
+AXIS_CHANNELS = ("frame_rate_x_dps", "frame_rate_y_dps", "frame_rate_z_dps")
+"""Those of a unit of three axes, in addition."""
+
 COMPENSATED, COMPENSATED_VALID = "compensated_dps", "compensated_valid"
 FRAME_COMPENSATED, FRAME_COMPENSATED_VALID = "frame_compensated_dps", "frame_compensated_valid"
 """The channels that `benchctl apply` adds to a step, at its scans or at a digital gyro's frames."""
 
-_ON_FRAMES = frozenset({*FRAME_CHANNELS, FRAME_COMPENSATED, FRAME_COMPENSATED_VALID})
+_ON_FRAMES = frozenset({*FRAME_CHANNELS, *AXIS_CHANNELS, FRAME_COMPENSATED, FRAME_COMPENSATED_VALID})
 
 UNITS: Mapping[str, str] = {
     "time_s": "s",
@@ -45,6 +48,7 @@ UNITS: Mapping[str, str] = {
     "frame_rate_dps": "degree/s",
     "frame_temp_c": "degC",
     "frame_status": "1",
+    **dict.fromkeys(AXIS_CHANNELS, "degree/s"),
     COMPENSATED: "degree/s",
     COMPENSATED_VALID: "1",
     FRAME_COMPENSATED: "degree/s",
@@ -72,6 +76,10 @@ DESCRIPTIONS: Mapping[str, str] = {
     "frame_status": "0: the digital gyro states that the sample is valid; otherwise 256 + the status that it states",
     COMPENSATED: _SENSED,
     COMPENSATED_VALID: _WITHIN,
+    **{
+        f"frame_rate_{axis}_dps": f"rate that the digital gyro states of its {axis} axis; NaN: not valid"
+        for axis in ("x", "y", "z")
+    },
     FRAME_COMPENSATED: _SENSED,
     FRAME_COMPENSATED_VALID: _WITHIN,
 }
@@ -93,13 +101,13 @@ class StepInfo:
 
     `kind` is `soak`, `static`, `constant_rate`, `sine`, `thermal_ramp`, `power_cycle`, `mount` or `ask`; of imports
     also `motion` (any movement), `static_points` or `unassigned`. `role` is `fit`, `verify` (held out: no fit may use
-    it) or `none` (polled steps, and those of a unit mounted across). `sample_rate_hz` is the actual rate of the
-    digitizer, which may differ from the rate that the bench requests. `mounting` is `across` while the unit's input
-    axis lies across the table's axis, else empty. `t_start` and `t_end` are seconds since the start of the recording;
-    of a power cycle, the times at which the supply went off and came on again. `gaps` counts the gaps in the stream.
-    `digest` is empty until the step is closed. `frame_rate_hz` is the sample rate of the digital gyro, `frames_lost`
-    the number of its missing frames and `frames_bad` the number of frames that failed their check, which are missing,
-    too; None: there is no such gyro.
+    it) or `none` (polled steps, and those of a unit that is not mounted along). `sample_rate_hz` is the actual rate of
+    the digitizer, which may differ from the rate that the bench requests. `mounting` is empty while the unit's input
+    axis is along the table's axis, otherwise `across`, or for a unit of three axes `x up`, `x down` and so on.
+    `t_start` and `t_end` are seconds since the start of the recording; of a power cycle, the times at which the supply
+    went off and came on again. `gaps` counts the gaps in the stream. `digest` is empty until the step is closed.
+    `frame_rate_hz` is the sample rate of the digital gyro, `frames_lost` the number of its missing frames and
+    `frames_bad` the number of frames that failed their check, which are missing, too; None: there is no such gyro.
     """
 
     index: int
@@ -129,7 +137,7 @@ class StepInfo:
 
     @property
     def is_left_out(self) -> bool:
-        """Whether no diagnosis may use it: a cut attempt, an operator's step, or a unit mounted across."""
+        """Whether no diagnosis may use it: a cut attempt, an operator's step, or a unit not along."""
         return self.is_cut_attempt or bool(self.mounting) or self.kind in _BY_HAND
 
 

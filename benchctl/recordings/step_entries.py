@@ -36,8 +36,8 @@ Rate = Annotated[float, Field(gt=0, le=HIGHEST_RATE_HZ), AfterValidator(_not_too
 class StepEntry(BaseModel):
     """One entry of `steps`: from `t_start` until just before `t_end`, in s of the samples' clock.
 
-    Absent times are the first and the last sample, an absent set point is not known. If the unit is mounted across the
-    table's axis, no fit uses the step, whatever its role.
+    Absent times are the first and the last sample, an absent set point is not known. If the unit is not mounted along
+    the table's axis, no fit of one axis uses the step, whatever its role.
     """
 
     model_config = ConfigDict(strict=True, extra="allow", frozen=True, allow_inf_nan=False)
@@ -153,7 +153,7 @@ def _append(
     """Append the samples `first:last`, cut at the `starts` among them; nothing if there are no samples."""
     inner = [start for start in starts if first < start < last]
     edges = [first, *inner, last] if last > first else []
-    time, across = channels["time_s"], entry.mounting == "across"
+    time, turned = channels["time_s"], entry.mounting != "along"
     for part, (a, b) in enumerate(pairwise(edges), 1):
         steps.append(
             Step(
@@ -161,7 +161,7 @@ def _append(
                     index=len(steps) + 1,
                     name=f"{entry.name}, part {part}" if inner else entry.name,
                     kind=entry.kind,
-                    role="none" if across else entry.role,
+                    role="none" if turned else entry.role,
                     t_start=entry.t_start if a == first and entry.t_start is not None else float(time[a]),
                     t_end=entry.t_end if b == last and entry.t_end is not None else float(time[b - 1] + period),
                     chamber_setpoint_c=math.nan if entry.chamber_setpoint_c is None else entry.chamber_setpoint_c,
@@ -170,7 +170,7 @@ def _append(
                     frequency_hz=entry.frequency_hz,
                     sample_rate_hz=rate_hz,
                     samples=b - a,
-                    mounting=entry.mounting if across else "",
+                    mounting=entry.mounting if turned else "",
                 ),
                 {name: values[a:b] for name, values in channels.items()},
             )

@@ -9,6 +9,7 @@ a recording has frames, the digital gyro is the unit under test, and `under_test
 | `encoder_deg` | the encoder's angle at the frames' instants, a cubic spline through the scans between two gaps   |
 | `gyro_v`      | `frame_rate_dps`; NaN if the gyro states an invalid sample                                       |
 | `gyro_temp_c` | `frame_temp_c`                                                                                   |
+| `rate_x_dps`  | `frame_rate_x_dps` of a unit of three axes; `rate_y_dps` and `rate_z_dps` likewise               |
 
 `Meta.output_unit` is then `deg/s`, as for an imported recording of rates: in results K0 is the stated rate over the
 true rate, a number near 1, and U0 a rate, although their names end in `_v_per_dps` and `_v`. The angle is moved to the
@@ -30,7 +31,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchctl.recordings.model import FRAME_CHANNELS, Axis, Meta, Step, StepInfo, axis_of
+from benchctl.recordings.model import AXIS_CHANNELS, FRAME_CHANNELS, Axis, Meta, Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.runs import gap_free
 from benchctl.recordings.stored import StoredStep
@@ -39,7 +40,10 @@ from benchctl_instruments.arrays import FloatArray
 
 _TIME: Axis = "frame_time_s"
 _RATE, _CELSIUS, _STATUS = FRAME_CHANNELS[1:]
-_AS_SCANS: Mapping[str, str] = {"time_s": _TIME, "gyro_v": _RATE, "gyro_temp_c": _CELSIUS}
+AXIS_RATES = ("rate_x_dps", "rate_y_dps", "rate_z_dps")
+"""The outputs of a unit of three axes."""
+_AXES = dict(zip(AXIS_RATES, AXIS_CHANNELS, strict=True))
+_AS_SCANS: Mapping[str, str] = {"time_s": _TIME, "gyro_v": _RATE, "gyro_temp_c": _CELSIUS, **_AXES}
 _ANGLE = "encoder_deg"
 _OF_ANALOGUE = ("poll_gyro_temp_c", "poll_gyro_v")
 _REACH = 24
@@ -106,8 +110,10 @@ class _Frames:
 
     def channels(self, index: int) -> tuple[str, ...]:
         """See `StepSource`."""
-        scans = ("time_s", _ANGLE, "gyro_v", "gyro_temp_c") if index in self.rows else ()
-        polls = [name for name in self._recording.channels(index) if axis_of(name) == "poll_time_s"]
+        there = self._recording.channels(index)
+        axes = [name for name, recorded in _AXES.items() if recorded in there]
+        scans = ("time_s", _ANGLE, "gyro_v", "gyro_temp_c", *axes) if index in self.rows else ()
+        polls = [name for name in there if axis_of(name) == "poll_time_s"]
         return (*scans, *(name for name in polls if name not in _OF_ANALOGUE))
 
     def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:

@@ -29,15 +29,17 @@ from benchctl_instruments.errors import BenchError, LinkError, UsageError
 from benchctl_instruments.interfaces import Clock, GyroBlock, GyroCounts, GyroGap, Identity, Instrument
 from benchctl_instruments.links.serial_port import byte_link
 from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.mounting import AXES
 from benchctl_instruments.protocols.frames import ByteArray, FrameFormat, FrameReader, FrameRun, SequenceNumbers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
-    """Decoded frames; every array has shape (n,). `number` is the frame's own, which wraps; see `GyroBlock`."""
+    """Decoded frames; arrays as in `GyroBlock`. `number` is the frame's own, which wraps."""
 
     number: IntArray
     rate_dps: FloatArray
+    rates_dps: FloatArray
     temperature_c: FloatArray
     status: IntArray
     valid: BoolArray
@@ -106,6 +108,7 @@ class SampleQueue:
         return GyroBlock(
             sequence=sequence,
             rate_dps=samples.rate_dps,
+            rates_dps=samples.rates_dps,
             temperature_c=samples.temperature_c,
             status=samples.status,
             valid=samples.valid,
@@ -131,9 +134,6 @@ class SampleQueue:
             GyroGap(index=place, lost=int(missing[place]), exact=not bool(deaf[place])) for place in places.tolist()
         )
 
-
-AXES = ("x", "y", "z")
-"""In the order of their samples within a frame."""
 
 LARGEST_RECEIVE = 1 << 16
 WIRE_LATENCY_S = 0.02

@@ -40,7 +40,7 @@ def _recognised(line: str) -> str:
 
 
 class KvhDsp1760(FramedGyro):
-    """A DSP-1760, of which one axis is read; implements `benchctl_instruments.interfaces.Gyro`.
+    """A DSP-1760; implements `benchctl_instruments.interfaces.Gyro`.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class KvhDsp1760(FramedGyro):
     clock
         The clock that measures how long the line was unread.
     axis
-        "x", "y" or "z".
+        "x", "y" or "z": the one whose samples and faults are reported; the others' are reported beside it.
     timeout_s
         Timeout of an answer and of a connection; wall time.
     wire_log
@@ -110,12 +110,15 @@ class KvhDsp1760(FramedGyro):
 
     def _decode(self, rows: ByteArray) -> Samples:
         frames = kvh.decode_frames(rows)
+        rates_dps = frames.rotation * kvh.ROTATION_DEGREES[ROTATION_UNIT]
+        valid = (frames.status[:, np.newaxis] >> np.arange(3) & 1).astype(bool)
         return Samples(
             number=frames.sequence,
-            rate_dps=frames.rotation[:, self._axis] * kvh.ROTATION_DEGREES[ROTATION_UNIT],
+            rate_dps=rates_dps[:, self._axis],
+            rates_dps=np.where(valid, rates_dps, np.nan),
             temperature_c=frames.temperature.astype(np.float64) * kvh.TEMPERATURE_STEP_C[TEMPERATURE_UNIT],
             status=frames.status,
-            valid=(frames.status >> self._axis & 1).astype(bool),
+            valid=valid[:, self._axis],
         )
 
 

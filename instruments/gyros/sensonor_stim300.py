@@ -40,7 +40,7 @@ def _datagrams_in(data: bytes) -> str:
 
 
 class SensonorStim300(FramedGyro):
-    """A STIM300, of which one gyro is read; implements `benchctl_instruments.interfaces.Gyro`.
+    """A STIM300; implements `benchctl_instruments.interfaces.Gyro`.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class SensonorStim300(FramedGyro):
     clock
         The clock that measures how long the line was unread.
     axis
-        "x", "y" or "z".
+        "x", "y" or "z": the one whose samples are reported; the others' are reported beside it.
     timeout_s
         Timeout of an answer and of a connection; wall time.
     wire_log
@@ -145,20 +145,24 @@ class SensonorStim300(FramedGyro):
 
     def _answer(self, question: bytes, formats: Sequence[FrameFormat]) -> Found:
         def find(heard: bytes) -> Found | None:
-            for run in FrameReader(formats).feed(heard):
-                return run.rows[0], heard[int(run.first_byte[0]) + run.format.length :]
+            for kind in formats:  # each alone: the header of a longer one just before the answer would wait for more
+                for run in FrameReader([kind]).feed(heard):
+                    return run.rows[0], heard[int(run.first_byte[0]) + kind.length :]
             return None
 
         return self._ask(question, find, f"a datagram {formats[0].name}")
 
     def _decode(self, datagram_id: int, step_dps: float, rows: ByteArray) -> Samples:
         frames = stim.decode_frames(datagram_id, rows)
+        rates_dps = frames.gyro.astype(np.float64) * step_dps
+        valid = frames.status == 0
         return Samples(
             number=frames.counter,
-            rate_dps=frames.gyro[:, self._axis].astype(np.float64) * step_dps,
+            rate_dps=rates_dps[:, self._axis],
+            rates_dps=np.where(valid[:, np.newaxis], rates_dps, np.nan),
             temperature_c=frames.temperature_c[:, self._axis],
             status=frames.status,
-            valid=frames.status == 0,
+            valid=valid,
         )
 
 

@@ -1,12 +1,14 @@
-"""A digital gyro on the simulated bench: an analog gyro with its own converter, which sends samples.
+"""A digital gyro on the simulated bench, which sends samples: three axes, or one analog gyro with a converter.
+
+If the bench's settings have `three_axes`, it is the unit of `physics.three_axes`. Otherwise it is
 
     rate = (U - U0) / K0,    temperature = (thermistor volts - offset) / slope
 
 so its rate is that of the simulated sensor, with all its physics and noise, scaled with the factory values at T0 and
-rounded for its frames. Not modelled: compensation inside the gyro, so it has the errors of an analog one; axes
-perpendicular to the table's; its own filters; its own clock, except by the effects of time stamps. On a complete bench
-it is a second gyro of the same make in addition to the analog one (`World.second_gyro`): both turn with one table and
-warm up in one chamber, and each has its own noise.
+rounded for its frames; the other two axes state 0. Not modelled: compensation inside the gyro, so it has the errors of
+an analog one; its own filters; its own clock, except by the effects of time stamps. On a complete bench it is a second
+gyro of the same make in addition to the analog one (`World.second_gyro`): both turn with one table and warm up in one
+chamber, and each has its own noise.
 """
 
 from __future__ import annotations
@@ -18,14 +20,15 @@ import numpy as np
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.simulated.machines import AnalogInputs
+from benchctl_instruments.mounting import AXES
+from benchctl_instruments.simulated.machines import GyroInputs
 from benchctl_instruments.simulated.push_line import PushLine
 from benchctl_instruments.simulated.settings import WorldSettings
 from benchctl_instruments.simulated.tcp_server import Startable
 
-AXES = ("x", "y", "z")
 BITS_PER_BYTE = 10  # 8N1
 LARGEST_BATCH = 4096  # frames that are created at once
+LONGEST_LATE_S = 10.0  # of bench time: a line holds no more of them; twice the longest wait of a run that reads
 ROUNDING = 1e-6  # in sample intervals: the delay after its instant at which a frame counts as due
 
 
@@ -33,7 +36,8 @@ class DigitalGyro(Startable, ABC):
     """A gyro at `address` that sends frames, from `start()` to `stop()`, or in a `with`.
 
     A frame is due when a line of `baud` would have carried its last byte. Its instants are equidistant on the bench's
-    clock; late frames are sent late, and frames that the line does not accept are lost.
+    clock; late frames are sent late. Frames that the line does not accept are lost, and so are those that are still due
+    after a leap of the clock, as in a soak in which nobody reads.
 
     Parameters
     ----------
@@ -41,6 +45,8 @@ class DigitalGyro(Startable, ABC):
         The sensor's output.
     settings
         The settings of the bench of `inputs`.
+    axis
+        "x", "y" or "z": the axis along the table's, unless it is turned.
     baud
         The line's speed.
     over_tcp
@@ -56,7 +62,10 @@ class DigitalGyro(Startable, ABC):
 
     frame_bytes: int
 
-    def __init__(self, inputs: AnalogInputs, settings: WorldSettings, *, baud: int, over_tcp: bool) -> None:
+    def __init__(self, inputs: GyroInputs, settings: WorldSettings, *, axis: str, baud: int, over_tcp: bool) -> None:
+        if axis not in AXES:
+            raise UsageError(f"axis {axis!r}: a simulated gyro has x, y and z")
+        self._axis, self._has_three = axis, settings.three_axes is not None
         sensor = settings.response or settings.gyro
         self._K0_v_per_dps, self._U0_v = sensor.K0_v_per_dps, sensor.U0_v
         self._slope_v_per_c, self._offset_v = settings.thermistor_v_per_c, settings.thermistor_offset_v
@@ -97,23 +106,35 @@ class DigitalGyro(Startable, ABC):
         """Count frames that are not created."""
 
     @abstractmethod
-    def _frames(self, rate_dps: FloatArray, temperature_c: FloatArray) -> bytes:
-        """Return frames for samples, each of shape (n,), about the table's axis."""
+    def _frames(self, rates_dps: FloatArray, temperature_c: FloatArray) -> bytes:
+        """Return frames for rates about x, y and z, shape (n, 3), and temperatures, shape (n,)."""
 
     def due(self) -> bytes:
         """Return the frames that are due, at most a batch."""
-        samples = min(self._late, LARGEST_BATCH)
-        if samples < 1:
+        late = self._late
+        if late < 1:
             return b""
+        if (lost := late - math.ceil(LONGEST_LATE_S * self._rate_hz)) > 0:
+            self._skip(lost)
+            self._made += lost
+            late -= lost
+        samples = min(late, LARGEST_BATCH)
         interval_s = 1.0 / self._rate_hz
-        _, gyro_v, thermistor_v = self._inputs.sample(self._first_s, interval_s, samples, start=self._made)
+        rates_dps, temperature_c = self._sampled(interval_s, samples)
         self._batch_s = self._first_s + np.arange(self._made, self._made + samples, dtype=np.float64) * interval_s
         self._made += samples
         self.sent += samples
         self._inputs.hold_history(self._first_s + self._made * interval_s)
-        return self._frames(
-            (gyro_v - self._U0_v) / self._K0_v_per_dps, (thermistor_v - self._offset_v) / self._slope_v_per_c
-        )
+        return self._frames(rates_dps, temperature_c)
+
+    def _sampled(self, interval_s: float, samples: int) -> tuple[FloatArray, FloatArray]:
+        """Return the next rates, shape (n, 3), and temperatures, shape (n,)."""
+        if self._has_three:
+            return self._inputs.sample_axes(self._axis, self._first_s, interval_s, samples, start=self._made)
+        _, gyro_v, thermistor_v = self._inputs.sample(self._first_s, interval_s, samples, start=self._made)
+        rates_dps = np.zeros((samples, 3))
+        rates_dps[:, AXES.index(self._axis)] = (gyro_v - self._U0_v) / self._K0_v_per_dps
+        return rates_dps, (thermistor_v - self._offset_v) / self._slope_v_per_c
 
     def lose(self) -> None:
         """Discard all frames that are due while no client is connected."""
@@ -157,17 +178,3 @@ class DigitalGyro(Startable, ABC):
     def _end_stream(self) -> None:
         self._first_s = math.nan
         self._inputs.hold_history(None)
-
-
-def axis_index(axis: str) -> int:
-    """Return the index of "x", "y" or "z" among a gyro's axes."""
-    if axis not in AXES:
-        raise UsageError(f"axis {axis!r}: a simulated gyro has x, y and z")
-    return AXES.index(axis)
-
-
-def on_axis(values: FloatArray, axis: int) -> FloatArray:
-    """Return three axes, shape (n, 3), of which only one turns."""
-    three = np.zeros((values.size, 3))
-    three[:, axis] = values
-    return three

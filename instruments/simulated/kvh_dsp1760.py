@@ -9,8 +9,8 @@ import numpy as np
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.protocols import kvh1760 as kvh
-from benchctl_instruments.simulated.digital_gyro import DigitalGyro, axis_index, on_axis
-from benchctl_instruments.simulated.machines import AnalogInputs
+from benchctl_instruments.simulated.digital_gyro import DigitalGyro
+from benchctl_instruments.simulated.machines import GyroInputs
 from benchctl_instruments.simulated.settings import WorldSettings
 
 SETTINGS = {  # a pattern of the permitted values, and the value as delivered
@@ -44,7 +44,7 @@ class SimulatedKvhDsp1760(DigitalGyro):
     echoes_exit
         Whether `=config,0` is echoed before the first frame; the public sources differ.
     axis
-        "x", "y" or "z": the axis that turns.
+        "x", "y" or "z": the axis along the table's, unless it is turned.
     baud
         The line's speed.
     over_tcp
@@ -60,7 +60,7 @@ class SimulatedKvhDsp1760(DigitalGyro):
 
     def __init__(
         self,
-        inputs: AnalogInputs,
+        inputs: GyroInputs,
         settings: WorldSettings | None = None,
         *,
         rate_hz: float = 1000.0,
@@ -72,12 +72,11 @@ class SimulatedKvhDsp1760(DigitalGyro):
         if rate_hz not in kvh.RATES_HZ:
             known = ", ".join(map(str, kvh.RATES_HZ))
             raise UsageError(f"rate_hz {rate_hz:g}: a simulated KVH DSP-1760 has one of {known}")
-        super().__init__(inputs, settings or WorldSettings(), baud=baud, over_tcp=over_tcp)
+        super().__init__(inputs, settings or WorldSettings(), axis=axis, baud=baud, over_tcp=over_tcp)
         self.status = kvh.GYROS_VALID
         self._delivered = {name: value for name, (_, value) in SETTINGS.items()} | {"dr": f"{rate_hz:g}"}
         self._settings = dict(self._delivered)
         self._echoes_exit = echoes_exit
-        self._axis = axis_index(axis)
         self._heard = kvh.CommandReader()
         self._sequence = 0
 
@@ -118,9 +117,9 @@ class SimulatedKvhDsp1760(DigitalGyro):
     def _skip(self, frames: int) -> None:
         self._sequence += frames
 
-    def _frames(self, rate_dps: FloatArray, temperature_c: FloatArray) -> bytes:
-        degrees = rate_dps if self._settings["rotfmt"] == "rate" else rate_dps / self._rate_hz
-        rotation = on_axis(degrees / kvh.ROTATION_DEGREES[self._settings["rotunits"]], self._axis)
+    def _frames(self, rates_dps: FloatArray, temperature_c: FloatArray) -> bytes:
+        degrees = rates_dps if self._settings["rotfmt"] == "rate" else rates_dps / self._rate_hz
+        rotation = degrees / kvh.ROTATION_DEGREES[self._settings["rotunits"]]
         unit = self._settings["tempunits"]
         temperature = np.rint(
             1.8 * temperature_c + 32.0 if unit == "f" else temperature_c / kvh.TEMPERATURE_STEP_C[unit]

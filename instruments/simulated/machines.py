@@ -95,3 +95,15 @@ class AnalogInputs(Protocol):
         it is divided into calls, to the last bit. Instants must not decrease from one call to the next while a stream
         runs; volts are analog, before any converter, with the sensor's own noise. Each of shape (scans,).
         """
+
+
+class GyroInputs(AnalogInputs, Protocol):
+    """The sensors inside a digital gyro: an analog gyro, or three axes."""
+
+    def sample_axes(
+        self, along: str, first_s: float, interval_s: float, scans: int, *, start: int = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what a unit of three axes measures at the same instants: rates [deg/s] (scans, 3), °C (scans,).
+
+        `along` is the axis that is up before anybody turned the unit: "x", "y" or "z".
+        """

@@ -8,8 +8,8 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.protocols import stim300 as stim
 from benchctl_instruments.protocols.stim300 import StimConfiguration
-from benchctl_instruments.simulated.digital_gyro import DigitalGyro, axis_index, on_axis
-from benchctl_instruments.simulated.machines import AnalogInputs
+from benchctl_instruments.simulated.digital_gyro import DigitalGyro
+from benchctl_instruments.simulated.machines import GyroInputs
 from benchctl_instruments.simulated.settings import WorldSettings
 
 RANGE_DPS = 400.0
@@ -36,7 +36,7 @@ class SimulatedStim300(DigitalGyro):
     counter_step
         The increment of the counter from one datagram to the next.
     axis
-        "x", "y" or "z": the axis that turns.
+        "x", "y" or "z": the axis along the table's, unless it is turned.
     serial
         14 digits.
     baud
@@ -52,7 +52,7 @@ class SimulatedStim300(DigitalGyro):
 
     def __init__(
         self,
-        inputs: AnalogInputs,
+        inputs: GyroInputs,
         settings: WorldSettings | None = None,
         *,
         rate_hz: float = 1000.0,
@@ -73,13 +73,13 @@ class SimulatedStim300(DigitalGyro):
             if value not in known:
                 raise UsageError(f"{name} {value!r}: a simulated STIM300 has one of {', '.join(map(str, known))}")
         self.frame_bytes = stim.frame_format(datagram_id, crlf=crlf).length
-        super().__init__(inputs, settings or WorldSettings(), baud=baud, over_tcp=over_tcp)
+        super().__init__(inputs, settings or WorldSettings(), axis=axis, baud=baud, over_tcp=over_tcp)
         self._refuse_rate(rate_hz)
         self.status = 0
         self._configuration = StimConfiguration(
             datagram_id=datagram_id, crlf=crlf, rate_hz=rate_hz, gyro_unit=gyro_unit, revision="F", firmware=31
         )
-        self._serial, self._axis = serial, axis_index(axis)
+        self._serial = serial
         self._counter, self._counter_step = 0, counter_step
         self._heard = b""
 
@@ -104,21 +104,21 @@ class SimulatedStim300(DigitalGyro):
     def _skip(self, frames: int) -> None:
         self._counter += self._counter_step * frames
 
-    def _frames(self, rate_dps: FloatArray, temperature_c: FloatArray) -> bytes:
-        overload = np.abs(rate_dps) > RANGE_DPS
-        measured_dps = np.clip(rate_dps, -RANGE_DPS, RANGE_DPS)
+    def _frames(self, rates_dps: FloatArray, temperature_c: FloatArray) -> bytes:
+        overloaded = (np.abs(rates_dps) > RANGE_DPS) @ (1 << np.arange(3))
+        measured_dps = np.clip(rates_dps, -RANGE_DPS, RANGE_DPS)
         if self._configuration.gyro_unit == "incremental angle":
             steps = measured_dps / self._rate_hz / stim.ANGLE_STEP_DEG
         else:
             steps = measured_dps / stim.RATE_STEP_DPS
-        counter = self._counter + self._counter_step * np.arange(rate_dps.size)
-        self._counter += self._counter_step * rate_dps.size
+        counter = self._counter + self._counter_step * np.arange(len(rates_dps))
+        self._counter += self._counter_step * len(rates_dps)
         return stim.encode_frames(
             self._configuration.datagram_id,
-            on_axis(np.rint(steps), self._axis),
+            np.rint(steps),
             counter=counter,
             temperature_c=temperature_c,
-            status=np.where(overload, self.status | OVERLOAD | 1 << self._axis, self.status),
+            status=np.where(overloaded, self.status | OVERLOAD | overloaded, self.status),
             latency_us=LATENCY_US,
             crlf=self._configuration.crlf,
         )

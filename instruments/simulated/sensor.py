@@ -1,6 +1,7 @@
 """The gyro under test at the digitizer's terminals: one of two models with a common description.
 
-Its installation may change over time: mounted along or across the table's axis, its supply on or off.
+Its installation may change over time: mounted along or across the table's axis, its supply on or off. A position of a
+unit of three axes concerns that unit: the gyro at the digitizer's terminals then stays along the table's axis.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ class Installation:
             self._changes.append(changed)
 
     def mount(self, position: Position) -> None:
-        """Mount the gyro's input axis along or across the table's."""
+        """Mount the gyro in another position."""
         with self._timebase.lock:
             self._changes.append(replace(self._changes[-1], since=self._next(), position=position))
 
@@ -70,6 +71,14 @@ class Installation:
             low, high = max(first, change.since), min(last, end)
             if low <= high:
                 yield change, int(low), int(high)
+
+    def placed(self, times_s: FloatArray) -> Iterator[tuple[Position, slice]]:
+        """Yield the positions at increasing instants, shape (n,), each with its rows."""
+        since = [change.since - _ROUNDING for change in self._changes]
+        firsts = np.searchsorted(times_s * self._timebase.grid_hz, since).tolist()
+        for change, first, last in zip(self._changes, firsts, [*firsts[1:], times_s.size], strict=True):
+            if first < last:
+                yield change.position, slice(first, last)
 
     def dead(self, times_s: FloatArray) -> BoolArray | None:
         """Return at which instants, shape (n,), the supply is off; None if it was never off."""
@@ -115,7 +124,7 @@ def sensor_of(settings: WorldSettings) -> Sensor:
     if response is not None:
         stages = response_baseline(response)
         return Sensor(
-            baseline=lambda position, _: stages if position == "along" else mounted_across(stages, 0.0, 0.0),
+            baseline=lambda position, _: mounted_across(stages, 0.0, 0.0) if position == "across" else stages,
             memory_s=0.0,
             white_v=lambda _: response.noise_v_rms,
             walk_v_per_sqrt_s=0.0,
@@ -127,7 +136,7 @@ def sensor_of(settings: WorldSettings) -> Sensor:
     def baseline(position: Position, times: int) -> Baseline:
         came_up = turned_on(gyro, settings.seed, times)
         along = gyro_baseline(came_up, earth_rate_dps(settings.latitude_deg), 1.0 / settings.grid_hz)
-        if position == "along":
+        if position != "across":
             return along
         return mounted_across(along, gyro.misalignment_mrad, horizontal_earth_rate_dps(settings.latitude_deg))
 

@@ -16,6 +16,7 @@ from benchctl_instruments.physics.encoder import EncoderParameters
 from benchctl_instruments.physics.gyro import GyroParameters
 from benchctl_instruments.physics.response_gyro import ResponseParameters
 from benchctl_instruments.physics.table import TableParameters
+from benchctl_instruments.physics.three_axes import ThreeAxisParameters
 
 _Settings = TypeVar("_Settings")
 
@@ -27,7 +28,8 @@ _LOWEST_CUTOFF_HZ = 0.2
 class WorldSettings:
     """The parts of the simulated bench and its location.
 
-    If a `response` is given, the gyro follows it exactly, in place of `gyro`.
+    If a `response` is given, the gyro follows it exactly, in place of `gyro`. If `three_axes` are given, a digital gyro
+    is that unit.
     `thermistor_v_per_c` and `thermistor_offset_v` are the amplifier's scale: volts = slope·°C + offset. `grid_hz` is
     the internal rate at which the gyro's electronics are computed. The same `seed` gives the same noise.
     """
@@ -37,6 +39,7 @@ class WorldSettings:
     encoder: EncoderParameters = field(default_factory=EncoderParameters)
     chamber: ChamberParameters = field(default_factory=ChamberParameters)
     response: ResponseParameters | None = None
+    three_axes: ThreeAxisParameters | None = None
     latitude_deg: float = 58.5
     room_c: float = 23.0
     thermistor_v_per_c: float = 0.05

@@ -22,17 +22,19 @@ import scipy.special  # noqa: F401
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.interfaces import Position
+from benchctl_instruments.mounting import AXES, AxisPosition
 from benchctl_instruments.physics.chain import GRID_STAGES, Baseline, Effect, Signals, run_chain
 from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
 from benchctl_instruments.physics.encoder import encoder_angle_deg, quadrature_count
 from benchctl_instruments.physics.noise import RandomWalk, WhiteNoise
 from benchctl_instruments.physics.structure_places import CHAMBER_C, SETPOINT_WAY
 from benchctl_instruments.physics.structures import Structure
+from benchctl_instruments.physics.three_axes import ThreeAxisParameters, noise_deviation_dps, sensed_rates_dps
 from benchctl_instruments.physics.turn_on import warming_up_since
 from benchctl_instruments.simulated.axis import TableAxis
 from benchctl_instruments.simulated.climate import ClimateChamber
 from benchctl_instruments.simulated.clock import BenchClock, Timebase
-from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine
+from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, GyroInputs, TableMachine
 from benchctl_instruments.simulated.sensor import Installation, Installed, Sensor, sensor_of
 from benchctl_instruments.simulated.settings import WorldSettings
 
@@ -107,7 +109,7 @@ class _Stretch:
 
 
 class Terminals:
-    """An `AnalogInputs` over the table's axis and the chamber."""
+    """A `GyroInputs` over the table's axis and the chamber."""
 
     def __init__(
         self,
@@ -134,10 +136,11 @@ class Terminals:
         filters_s = [effect.memory_s for effect in effects if isinstance(effect, FilterEffect)]
         self._warm_up_s = max(sensor.memory_s, min(sum(filters_s), _LONGEST_WARM_UP_S))
         self._warm_up = math.ceil(self._warm_up_s * timebase.grid_hz)
-        white, walk, thermistor = np.random.SeedSequence(settings.seed).spawn(3)
+        white, walk, thermistor, axes = np.random.SeedSequence(settings.seed).spawn(4)
         self._white = WhiteNoise(white)
         self._walk = RandomWalk(walk, sensor.walk_v_per_sqrt_s)
         self._thermistor = WhiteNoise(thermistor)
+        self._axes = WhiteNoise(axes)
         self._grid: _Stretch | None = None
         self._last_instant: tuple[tuple[float, float], Signals] | None = None
         self._scanned = 0
@@ -181,6 +184,30 @@ class Terminals:
         thermistor_v *= self._settings.thermistor_v_per_c
         thermistor_v += self._settings.thermistor_offset_v
         return counts, gyro_v, thermistor_v
+
+    def sample_axes(
+        self, along: str, first_s: float, interval_s: float, scans: int, *, start: int = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        """See `GyroInputs`; a unit without supply states 0 deg/s. Effects do not act on this unit."""
+        unit = self._settings.three_axes or ThreeAxisParameters()
+        with self._timebase.lock:
+            self._refuse(first_s + start * interval_s, interval_s, scans)
+            times_s = first_s + np.arange(start, start + scans, dtype=np.float64) * interval_s
+            motion, celsius = self._axis.at(times_s), self._climate.gyro(times_s).housing_c
+            placed, dead = list(self._installation.placed(times_s)), self._installation.dead(times_s)
+        sensed = np.empty((scans, 3))
+        for position, rows in placed:
+            sensed[rows] = sensed_rates_dps(
+                _axis_position(position, along),
+                motion.rate_dps[rows],
+                motion.angle_deg[rows],
+                self._settings.latitude_deg,
+            )
+        noise = self._axes.draw(3 * scans, noise_deviation_dps(unit, interval_s)).reshape(scans, 3)
+        rates = unit.output_dps(sensed, celsius) + noise
+        if dead is not None:
+            rates[dead] = 0.0
+        return rates, celsius
 
     def _refuse(self, first_s: float, interval_s: float, scans: int) -> None:
         if scans < 1 or not interval_s > 0.0:
@@ -335,6 +362,14 @@ def _cubic(left: FloatArray, right: FloatArray, share: FloatArray, interval_s: f
     return angle
 
 
+def _axis_position(position: Position, along: str) -> AxisPosition:
+    """Return the position of a unit of three axes; `along`: the axis that is up in the position "along"."""
+    if position != "along" and position != "across":
+        return position
+    up: tuple[AxisPosition, ...] = ("x up", "y up", "z up")
+    return up[(AXES.index(along) + (position == "across")) % 3]
+
+
 OTHER_NOISE = 1 << 32
 """Added to the seed for the noise of a second gyro."""
 
@@ -380,11 +415,11 @@ class World:
         self._installation.power(on)
 
     def mount(self, position: Position) -> None:
-        """Mount the gyro with its input axis along or across the table's."""
+        """Mount the gyro in another position."""
         self._installation.mount(position)
 
-    def second_gyro(self) -> AnalogInputs:
-        """Return the analog inputs of a second gyro of the same make on the same table, with its own noise.
+    def second_gyro(self) -> GyroInputs:
+        """Return the inputs of a second gyro of the same make on the same table, with its own noise.
 
         It has the effects up to the electronics and those of the time stamps, whose encoder's side is the digitizer's;
         other effects on samples belong to the digitizer. Reading it does not change the samples of `inputs`.

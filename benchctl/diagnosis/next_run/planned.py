@@ -88,7 +88,7 @@ def _frequency_hz(step: Step) -> float | None:
 def _excerpts(
     steps: Sequence[Step], times: Sequence[tuple[float, float, float]], bench: Bench, interval_s: float
 ) -> Iterator[_Excerpt]:
-    """Yield the excerpts of every streamed step, with a continuous climate; none while a unit is mounted across."""
+    """Yield the excerpts of every streamed step, with a continuous climate; none while a unit is not along."""
     climate = _Climate(bench)
     for place, (step, (start_s, end_s, _), position) in enumerate(zip(steps, times, positions(steps), strict=True)):
         if isinstance(step, Soak):
@@ -99,7 +99,7 @@ def _excerpts(
         stream_s = end_s - step.streamed_s
         if isinstance(step, ThermalRamp):
             climate.set(stream_s, step.to_c, step.ramp_c_per_min)
-        if position == "across":
+        if position != "along":
             continue
         hz = _frequency_hz(step)
         length_s = min(step.streamed_s, max(_EXCERPT_S, _PERIODS / hz if hz else 0.0))

@@ -22,6 +22,7 @@ def block(sequence: IntArray, gaps: tuple[GyroGap, ...] = (), *, valid: bool = T
     return GyroBlock(
         sequence=sequence,
         rate_dps=0.5 * sequence,
+        rates_dps=np.outer(sequence, [0.5, 0.0, 0.0]),
         temperature_c=np.full(sequence.size, 20.0),
         status=np.full(sequence.size, status),
         valid=np.full(sequence.size, valid),

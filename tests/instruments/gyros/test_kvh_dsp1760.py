@@ -99,6 +99,7 @@ def test_a_sample_that_the_gyro_does_not_vouch_for_is_told(
     block = gyro.read_stream(10, 5.0)
     assert not block.valid.any()
     assert block.faults == ("gyro Z is not valid",)
+    assert np.isnan(block.rates_dps).all(axis=0).tolist() == [False, False, True]
 
 
 def test_a_disturbed_line_costs_the_frames_it_hits_and_all_is_counted(

@@ -19,6 +19,7 @@ def decode(rows: ByteArray) -> Samples:
     return Samples(
         number=frames.sequence,
         rate_dps=frames.rotation[:, 2],
+        rates_dps=frames.rotation,
         temperature_c=frames.temperature.astype(np.float64),
         status=frames.status,
         valid=frames.status == kvh.GYROS_VALID,

@@ -208,3 +208,32 @@ def test_a_line_at_the_wrong_speed_is_told_by_what_came() -> None:
 def test_an_axis_that_is_none_is_the_callers_fault(axis: str) -> None:
     with pytest.raises(UsageError, match="axis"):
         SensonorStim300("serial:///dev/null", clock=VirtualClock(), axis=axis)
+
+
+class AnswersAfterABrokenDatagram:
+    """A STIM300 whose latest datagram ends in the byte with which a longer answer would begin; then time stands."""
+
+    def feed(self, data: bytes) -> bytes:
+        if data == stim.ASK_CONFIGURATION:
+            configuration = StimConfiguration(
+                datagram_id=0xA7, crlf=False, rate_hz=250.0, gyro_unit="angular rate", revision="F", firmware=31
+            )
+            return b"\xa7\x00\xbd" + stim.encode_configuration(configuration)
+        return stim.encode_serial("25582100000042", crlf=False) if data == stim.ASK_SERIAL else b""
+
+    def due(self) -> bytes:
+        return b""
+
+    def lose(self) -> None:
+        return
+
+    def wait(self, timeout_s: float) -> bool:
+        return False
+
+
+def test_an_answer_is_complete_even_if_the_bytes_before_it_look_like_the_start_of_a_longer_one() -> None:
+    with (
+        PushLine(AnswersAfterABrokenDatagram(), baud=921_600, over_tcp=True) as line,
+        SensonorStim300(line.address, clock=VirtualClock(), timeout_s=1.0) as gyro,
+    ):
+        assert gyro.identify().serial == "25582100000042"

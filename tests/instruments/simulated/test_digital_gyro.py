@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.mounting import Position
 from benchctl_instruments.physics.response_gyro import ResponseParameters
+from benchctl_instruments.physics.three_axes import ThreeAxisParameters
 from benchctl_instruments.protocols import kvh1760 as kvh
 from benchctl_instruments.protocols import stim300 as stim
 from benchctl_instruments.protocols.frames import FrameReader
@@ -233,3 +236,81 @@ def test_a_gyro_of_a_stated_response_is_scaled_by_that(clock: VirtualClock) -> N
     said(gyro, "=config,1", "=rotfmt,rate", "=rotunits,deg", "=dr,100", "=config,0")
     clock.sleep(1.0)
     np.testing.assert_allclose(read(gyro.due()).rotation[:, 2], 0.0, atol=1e-6)
+
+
+UNIT = ThreeAxisParameters(arw_deg_per_sqrt_h=0.0)
+TURNED = WorldSettings(three_axes=UNIT, latitude_deg=0.0)
+
+
+def datagrams(data: bytes) -> stim.StimFrames:
+    runs = FrameReader([stim.frame_format(0xA7)]).feed(data)
+    return stim.decode_frames(0xA7, np.concatenate([run.rows for run in runs]))
+
+
+@pytest.mark.parametrize(("position", "axis"), [("along", "y"), ("y up", "z"), ("across", "x")])
+def test_a_unit_of_three_axes_states_all_of_them_as_it_is_turned(position: Position, axis: str) -> None:
+    clock = VirtualClock()
+    world = World(clock, TURNED)
+    gyro = SimulatedStim300(world.second_gyro(), TURNED, axis=axis)
+    world.mount(position)
+    world.table.close_loop()
+    world.table.demand_rate(50.0)
+    clock.sleep(5.0)
+    gyro._begin_stream(1000.0)
+    clock.sleep(1.0)
+    frames = datagrams(gyro.due())
+    rates = frames.gyro * stim.RATE_STEP_DPS
+    warmer_c = frames.temperature_c[0, 0] - UNIT.T0_c
+    column = np.reshape(UNIT.matrix, (3, 3))[:, 1] + warmer_c * np.reshape(UNIT.matrix_per_c, (3, 3))[:, 1]
+    bias = np.array(UNIT.bias_dps) + warmer_c * np.array(UNIT.bias_dps_per_c)
+    np.testing.assert_allclose(rates.mean(axis=0), 50.0 * column + bias, atol=0.01)  # the Earth's rate is 0.004
+
+
+def test_each_frame_belongs_to_the_position_of_its_instant_and_not_to_the_batch() -> None:
+    def sampled(*parts: int) -> FloatArray:
+        clock = VirtualClock()
+        world = World(clock, WorldSettings(three_axes=ThreeAxisParameters()))
+        inputs = world.second_gyro()
+        world.table.close_loop()
+        world.table.demand_rate(50.0)
+        clock.sleep(5.0)
+        inputs.hold_history(5.0)
+        clock.sleep(1.0)
+        world.mount("x up")
+        clock.sleep(1.0)
+        edges = np.cumsum([0, *parts])
+        return np.concatenate(
+            [
+                inputs.sample_axes("z", 5.0, 0.01, length, start=start)[0]
+                for start, length in zip(edges.tolist(), parts, strict=False)
+            ]
+        )
+
+    whole = sampled(200)
+    assert (whole[:100, 2] > 40.0).all()
+    assert (whole[102:, 0] > 40.0).all()
+    np.testing.assert_array_equal(sampled(30, 90, 80), whole)
+
+
+def test_a_unit_of_three_axes_without_supply_states_nothing() -> None:
+    clock = VirtualClock()
+    world = World(clock, TURNED)
+    inputs = world.second_gyro()
+    world.power(False)
+    clock.sleep(1.0)
+    np.testing.assert_array_equal(inputs.sample_axes("z", 0.9, 0.01, 5)[0], 0.0)
+
+
+def test_after_a_leap_of_the_clock_the_frames_are_those_of_now(inputs: RampInputs, clock: VirtualClock) -> None:
+    inputs.ramp_dps2 = 0.01
+    gyro = SimulatedStim300(inputs, SETTINGS, rate_hz=250.0)
+    gyro._begin_stream(250.0)
+    clock.sleep(3600.0)  # a soak, in which nobody reads
+    data = b""
+    while came := gyro.due():
+        data += came
+    frames = datagrams(data)
+    rates = frames.gyro[:, 2] * stim.RATE_STEP_DPS
+    assert len(rates) == pytest.approx(2500, abs=2)
+    assert rates[0] == pytest.approx(10.0 + 0.01 * 3590.0, abs=0.01)
+    assert rates[-1] == pytest.approx(10.0 + 0.01 * 3600.0, abs=0.01)
