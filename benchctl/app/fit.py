@@ -12,6 +12,7 @@ from benchctl.calibration.coefficients import coefficients, points_coefficients,
 from benchctl.calibration.discovered import Discovered, discovered_of
 from benchctl.calibration.result import CalibrationOptions, CalibrationResult
 from benchctl.calibration.static_points_fit import StaticPointsResult, fit_static_points
+from benchctl.calibration.three_axes import ThreeAxesResult, fit_three_axes, three_axes_coefficients, turned_steps
 from benchctl.model_file import read_model
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.reader import Recording, join
@@ -23,6 +24,7 @@ from benchctl.reports.coefficient_tables import joint_coefficients, stage_tables
 from benchctl.reports.points_page import coefficients as points_of
 from benchctl.reports.points_page import write_static_points_report
 from benchctl.reports.results import make_folder, may_be_made, source_digest
+from benchctl.reports.three_axes_page import axes_tables, write_three_axes_report
 from benchctl.signals.under_test import under_test
 from benchctl_instruments.errors import UsageError
 
@@ -35,7 +37,7 @@ class FitResult:
     ----------
     coefficients
         The content of `coefficients.json`: stages, joint fit, covariances, valid ranges,
-        expanded uncertainties (95.45 %).
+        expanded uncertainties (95.45 %); of a unit of three axes `matrix` and `bias_dps`.
     values
         The data of `benchctl fit --json` without the paths.
     files
@@ -67,12 +69,17 @@ class FitResult:
     @property
     def K0_v_per_dps(self) -> float:  # noqa: N802 - the field's own letters
         """Scale factor of the last stage."""
-        return float(self.values["K0_v_per_dps"])
+        return self._of_one_axis("K0_v_per_dps")
 
     @property
     def U0_v(self) -> float:  # noqa: N802 - as above
         """Offset of the last stage."""
-        return float(self.values["U0_v"])
+        return self._of_one_axis("U0_v")
+
+    def _of_one_axis(self, name: str) -> float:
+        if name not in self.values:
+            raise UsageError(f"a fit of three axes has no {name}; read coefficients['matrix'] and ['bias_dps']")
+        return float(self.values[name])
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -94,6 +101,8 @@ class FitResult:
 
 def fit(paths: Sequence[Path], *, out: Path | None = None, model: Path | None = None) -> FitResult:
     """Calibrate on one recording, or on several of one unit, and write the files to `out`, if given.
+
+    Steps of a unit of three axes that was turned, as in the procedure three_axes, are fitted as such, and no others.
 
     Unnamed structures in a `model` file are subtracted from the output first, and become part of the coefficients.
 
@@ -127,7 +136,24 @@ def _fitted(joined: Recording, recordings: Sequence[Recording], beside: Discover
         if beside:
             raise UsageError("--model: from a table of static points nothing is taken off; fit it without")
         return _fit_points(recordings)
+    if turned := turned_steps(joined):
+        if beside:
+            raise UsageError("--model: from a unit of three axes nothing is taken off; fit it without")
+        return _fit_axes(joined, turned, recordings)
     return _fit_runs(joined, recordings, beside)
+
+
+def _fit_axes(joined: Recording, turned: Sequence[int], recordings: Sequence[Recording]) -> FitResult:
+    result, meta = fit_three_axes(map(joined.step, turned), joined.meta), joined.meta
+    content = _with_stated(three_axes_coefficients(result, unit=meta.unit.serial, source=_sources(recordings)))
+    digest = ", ".join(source_digest(recording) for recording in recordings)
+    shown = ("T0_c", "matrix", "bias_dps", "matrix_per_c", "bias_dps_per_c", "uncertainty", "warnings")
+    return FitResult(
+        coefficients=content,
+        values={"error_percent": {}, **{name: content[name] for name in shown if name in content}},
+        says=_axes_in_words(result),
+        write_report=lambda path: write_three_axes_report(path, result, meta, digest=digest),
+    )
 
 
 def _fit_runs(joined: Recording, recordings: Sequence[Recording], beside: Discovered) -> FitResult:
@@ -217,6 +243,17 @@ def _in_words(result: CalibrationResult) -> str:
     lines.append(f"joint fit, law {result.best.law}, ± expanded uncertainty, [95 % interval by scatter alone]:")
     lines += [f"  {row.name} = {row.stated}  {row.interval}" for row in joint_coefficients(result.best)]
     lines += [f"taken off the output before the fit: {one.says()}" for one in result.discovered.structures.values()]
+    lines += [f"note: {warning}" for warning in result.warnings]
+    return "\n".join(lines)
+
+
+def _axes_in_words(result: ThreeAxesResult) -> str:
+    lines = []
+    for table in axes_tables(result):
+        rows = [("output", *table.columns), *table.rows]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines.append(f"{table.title}, ± expanded uncertainty (95.45 %):")
+        lines += ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
     lines += [f"note: {warning}" for warning in result.warnings]
     return "\n".join(lines)
 

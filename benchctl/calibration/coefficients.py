@@ -212,6 +212,9 @@ def _terms(values: Mapping[str, float], letter: str, power: int) -> tuple[float,
 
 
 SCHEMA = "benchctl-coefficients/1"
+THREE_AXES_SCHEMA = "benchctl-three-axes/1"
+"""Of a unit of three axes: `calibration.three_axes` writes it; of the keys above only `uncertainty`, `valid`, `source`
+and `T0_c` are the same."""
 _KEYS = ("convention", "argument", "K0_v_per_dps", "U0_v", "T0_c", "stages")
 
 
@@ -261,12 +264,17 @@ def write_coefficients(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def read_coefficients(path: Path) -> dict[str, Any]:
-    """Read and check a file of coefficients; raise `UsageError` in one line if it cannot be used."""
-    return coefficients_in(read_json(path, "coefficients"), path)
+    """Read a file of coefficients, and check that of one axis; raise `UsageError` in one line if it cannot be used."""
+    content = read_json(path, "coefficients")
+    if isinstance(content, dict) and content.get("schema") == THREE_AXES_SCHEMA:
+        return content
+    return coefficients_in(content, path)
 
 
 def coefficients_in(content: Any, path: Path) -> dict[str, Any]:
     """Check and return the content of a file of coefficients; `path` is its name in a `UsageError`."""
+    if isinstance(content, dict) and content.get("schema") == THREE_AXES_SCHEMA:
+        raise UsageError(f"{path}: is of a unit of three axes, expected coefficients of one; fit a run of one axis")
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
         raise UsageError(f"{path}: expected schema {SCHEMA!r}, found {found!r}; write it with `benchctl fit`")

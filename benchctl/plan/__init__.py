@@ -13,6 +13,7 @@
 from benchctl.plan.patterns import (
     across,
     alternating,
+    axis_mounts,
     levels,
     rate_cycle,
     rates_between_zeros,
@@ -44,6 +45,7 @@ __all__ = [
     "ThermalRamp",
     "across",
     "alternating",
+    "axis_mounts",
     "levels",
     "procedure",
     "rate_cycle",

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from benchctl.limits import MOST_STEPS
 from benchctl.plan.steps import ConstantRate, Mount, PowerCycle, Role, Sine, Static
+from benchctl_instruments.mounting import AXIS_POSITIONS
 
 LONGEST_REVOLUTION_S = 180.0
 """A revolution below 2 °/s takes longer than this; such a rate runs for the requested time only."""
@@ -140,3 +141,12 @@ def across(rates_dps: Iterable[float], *, at_least_s: float, zero_s: float) -> I
     yield Mount(position="across")
     yield from rates_between_zeros(rates_dps, at_least_s=at_least_s, zero_s=zero_s)
     yield Mount(position="along")
+
+
+def axis_mounts(*, opposite: bool) -> tuple[Mount, ...]:
+    """Return the mounts that turn a unit of three axes so that each is up and, if `opposite`, down; z up is the last.
+
+    >>> [mount.position for mount in axis_mounts(opposite=False)]
+    ['x up', 'y up', 'z up']
+    """
+    return tuple(Mount(position=at) for at in AXIS_POSITIONS if opposite or at.endswith("up"))

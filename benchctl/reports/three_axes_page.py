@@ -1,0 +1,68 @@
+"""The report on a unit of three axes: its matrix, its biases, and their change with temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchctl.calibration.three_axes import AxesEstimate, ThreeAxesResult
+from benchctl.recordings.model import Meta
+from benchctl.reports import setup_section, text, verdict
+from benchctl.reports.html import render, write_page
+from benchctl_instruments.mounting import AXES
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxesTable:
+    """Values with expanded uncertainties as text: a row an output, with the columns after its name."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def axes_tables(result: ThreeAxesResult) -> Iterator[AxesTable]:
+    """Yield the table at T0 and, if the temperatures differ, that of the changes per °C."""
+    yield _table(f"three axes at {text.plain(result.T0_c, '°C')}", "deg/s", result.at_T0, result.k)
+    if result.per_c is not None:
+        yield _table("change per °C", "deg/s/°C", result.per_c, result.k)
+
+
+def _table(title: str, bias_unit: str, estimate: AxesEstimate, k: float) -> AxesTable:
+    value, standard = estimate.value, estimate.standard
+    return AxesTable(
+        title=title,
+        columns=(*(f"about {axis}" for axis in AXES), f"bias, {bias_unit}"),
+        rows=tuple(
+            (
+                axis,
+                *(
+                    text.with_uncertainty(float(number), k * float(of_it))
+                    for number, of_it in zip(value.matrix[row], standard.matrix[row], strict=True)
+                ),
+                text.with_uncertainty(float(value.bias_dps[row]), k * float(standard.bias_dps[row])),
+            )
+            for row, axis in enumerate(AXES)
+        ),
+    )
+
+
+def write_three_axes_report(path: Path, result: ThreeAxesResult, meta: Meta, *, digest: str) -> None:
+    """Write the page atomically; `digest` is the recordings'. Raises `UsageError` if the file cannot be written."""
+    rows = [
+        ("Positions", ", ".join(result.positions)),
+        ("Steps", text.count(result.steps)),
+        ("Rates", text.span(*result.rate_dps, "°/s")),
+        ("Temperature", text.span(*result.temperature_c, "°C")),
+    ]
+    page = render(
+        "three_axes.html.j2",
+        meta=meta,
+        status=verdict.status_text(meta),
+        result=result,
+        tables=list(axes_tables(result)),
+        setup=[*setup_section.facts(meta, []), *rows],
+        provenance_rows=setup_section.provenance(meta, digest),
+    )
+    write_page(path, page)
