@@ -103,7 +103,9 @@ def _set_up(sheet: Sheet, report: Report, words: Catalogue) -> None:
 
 def _test(sheet: Sheet, test: Section, words: Catalogue, link: int) -> None:
     above_mm = _WITH_PICTURE_MM if test.picture else _TEST_MM
-    budget_mm = _ROW_MM * (len(test.budget.contributors.rows) + _ROWS_AROUND) if test.budget else 0.0
+    budget_mm = 0.0
+    if test.budget:
+        budget_mm = _ROW_MM * (len(test.budget.contributors.rows) + _ROWS_AROUND + 2 * bool(test.budget.says))
     sheet.heading(f"{test.number} {test.name}", level=3, needs_mm=above_mm + budget_mm)
     sheet.set_link(link)
     with sheet.beside(test.picture.png, test.picture.caption) if test.picture else nullcontext():

@@ -38,14 +38,13 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _MARKERS = ("o", "s", "^", "D", "v", "P")
 _DASHES = ("-", "--", "-.", ":")
 _LIMIT = "#b3261e"
-_WIDTH_IN, _HEIGHT_IN = 3.42, 1.9
-_MANY = 100
-"""Number of dots above which small dots are drawn."""
+_WIDTH_IN, _HEIGHT_IN, _HEIGHT_WITH_LEFT_IN = 3.42, 1.9, 2.2
+_MANY, _SMALL = 100, 3.5
+"""Number of dots above which small dots are drawn, and their size in points."""
 _DPI = 300
 _EIGHT_POINTS: dict[Any, Any] = dict.fromkeys(
     ("font.size", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 8.0
 )
-_LONGEST_UPRIGHT, _LONGEST_BELOW = 22, 10
 
 
 def drawn(judged: Judged, picture: Picture, words: Catalogue) -> document.Picture:
@@ -81,18 +80,17 @@ def _finding(judged: Judged, picture: Picture, limit: Limit | None, words: Catal
 
 def picture_figure(picture: Picture, limit: Limit | None, words: Catalogue) -> Figure:
     """Plot the traces and a limit; both axes are logarithmic if requested, y only if all values are positive."""
-    figure = new_figure(_HEIGHT_IN, _WIDTH_IN)
+    figure = new_figure(_HEIGHT_WITH_LEFT_IN if picture.left else _HEIGHT_IN, _WIDTH_IN)
     axes: list[Axes] = list(
         np.atleast_1d(figure.subplots(2, 1, sharex=True, height_ratios=(5, 3))) if picture.left else [figure.subplots()]
     )
     looks = {label: k for k, label in enumerate(dict.fromkeys(one.label for one in (*picture.traces, *picture.left)))}
     _draw(axes[0], picture.traces, looks, words)
-    axes[0].set_ylabel(_upright(_axis(picture.y, picture.y_unit, words), _LONGEST_UPRIGHT))
+    axes[0].set_title(_axis(picture.y, picture.y_unit, words), loc="left")
     if picture.left:
         _draw(axes[1], picture.left, looks, words)
         axes[1].axhline(0.0, color=INK, linewidth=0.5)
-        axes[1].set_ylabel(_upright(_axis(picture.left[0].label, picture.left_unit, words), _LONGEST_BELOW))
-        figure.align_ylabels(axes)
+        axes[1].set_title(_axis(picture.left[0].label, picture.left_unit, words), loc="left")
     axes[-1].set_xlabel(_axis(picture.x, picture.x_unit, words))
     if picture.logarithmic:
         axes[0].set_xscale("log")
@@ -145,7 +143,7 @@ def _draw(axes: Axes, traces: Sequence[Trace], looks: Mapping[str, int], words: 
         if not trace.dots:
             axes.plot(trace.x, trace.y, color=colour, linestyle=_DASHES[look % len(_DASHES)], label=label, zorder=1.5)
         elif trace.x.size > _MANY:
-            dots(axes, trace.x, trace.y, colour)
+            dots(axes, trace.x, trace.y, colour, size=_SMALL)
             axes.plot([], [], linestyle="none", marker="o", markersize=2.8, color=colour, label=label)
         else:
             marker = _MARKERS[look % len(_MARKERS)]
@@ -155,12 +153,6 @@ def _draw(axes: Axes, traces: Sequence[Trace], looks: Mapping[str, int], words: 
 def _axis(key: str, unit: str, words: Catalogue) -> str:
     name, printed = words.word(key), words.unit(unit)
     return f"{name}, {printed}" if printed else name
-
-
-def _upright(told: str, longest: int) -> str:
-    """Return an axis title, with the unit on a second line if it is longer than `longest`."""
-    name, comma, unit = told.rpartition(", ")
-    return f"{name},\n{unit}" if comma and len(told) > longest else told
 
 
 _MOST_DOF = 1000.0
@@ -267,12 +259,8 @@ def _spans(indices: Sequence[int]) -> str:
 
 def _points(columns: Sequence[Column], words: Catalogue) -> Table:
     printed = [column(one.values, words) for one in columns]
-    units = [words.unit(one.unit) for one in columns]
     return Table(
-        headings=tuple(
-            f"{words.word(one.name)}, {unit}" if unit else words.word(one.name)
-            for one, unit in zip(columns, units, strict=True)
-        ),
+        headings=tuple(_axis(one.name, one.unit, words) for one in columns),
         rows=tuple(zip(*printed, strict=True)),
         numeric=(True,) * len(columns),
     )

@@ -93,7 +93,7 @@ class Sheet(FPDF):
         self.keep(needs_mm)
         size = {1: 15.0, 2: 11.5, 3: 9.5, 4: 8.0}[level]
         if self.get_y() > _TOP_MM + 1.0:
-            self.ln({1: 2.0, 2: 5.0, 3: 4.0, 4: 1.6}[level])
+            self.ln({1: 2.0, 2: 4.0, 3: 3.4, 4: 1.6}[level])
         self.start_section(printable(words), level=max(level - 2, 0)) if level in (2, 3) else None
         self._ink(INK, size, "B")
         self._block(words, size)
