@@ -31,13 +31,15 @@ def test_every_test_has_a_unit_and_a_procedure() -> None:
 def test_a_file_is_read_with_its_limits_settings_and_papers(tmp_path: Path) -> None:
     path = tmp_path / "limits.toml"
     text = (
-        'title = "Acceptance of VG910"\ncustomer = "ACME"\nstage = "after shock"\nguard = 0.5\n'
+        'title = "Acceptance of VG910"\nnumber = "17-2026"\nrevision = "B"\n'
+        'customer = "ACME"\nstage = "after shock"\nguard = 0.5\n'
         '[settings]\nlow_rate_dps = 30\n[limits.bias]\nlow = -5\nhigh = 5\nunit = "deg/h"\n'
     )
     path.write_text(text)
     found = read_limits(path)
     assert found.limits == {"bias": Limit(low=-5.0, high=5.0, unit="deg/h")}
     assert (found.guard, found.settings) == (0.5, Settings(low_rate_dps=30.0))
+    assert (found.papers.number, found.papers.revision) == ("17-2026", "B")
     assert (found.papers.title, found.papers.customer, found.papers.stage) == (
         "Acceptance of VG910",
         "ACME",
