@@ -294,7 +294,8 @@ def fit(
     """Fit the two-stage calibration and the joint one to a recording, or to several of one unit.
 
     `coefficients.json` and `report.html` are written to `out`, if given. The unnamed structures in a diagnosis' `model`
-    file are subtracted from the output before the fit, and become part of the coefficients.
+    file are subtracted from the output before the fit, and become part of the coefficients. Of a unit of three axes
+    that was turned (procedure three_axes) the coefficients are `matrix` and `bias_dps`.
 
     Raises
     ------

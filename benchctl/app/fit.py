@@ -144,7 +144,8 @@ def _fitted(joined: Recording, recordings: Sequence[Recording], beside: Discover
 
 
 def _fit_axes(joined: Recording, turned: Sequence[int], recordings: Sequence[Recording]) -> FitResult:
-    result, meta = fit_three_axes(map(joined.step, turned), joined.meta), joined.meta
+    meta, infos = joined.meta, joined.infos
+    result = fit_three_axes(map(joined.step, turned), meta)
     content = _with_stated(three_axes_coefficients(result, unit=meta.unit.serial, source=_sources(recordings)))
     digest = ", ".join(source_digest(recording) for recording in recordings)
     shown = ("T0_c", "matrix", "bias_dps", "matrix_per_c", "bias_dps_per_c", "uncertainty", "warnings")
@@ -152,7 +153,7 @@ def _fit_axes(joined: Recording, turned: Sequence[int], recordings: Sequence[Rec
         coefficients=content,
         values={"error_percent": {}, **{name: content[name] for name in shown if name in content}},
         says=_axes_in_words(result),
-        write_report=lambda path: write_three_axes_report(path, result, meta, digest=digest),
+        write_report=lambda path: write_three_axes_report(path, result, meta, infos, digest=digest),
     )
 
 

@@ -2,7 +2,7 @@
 
 ```
 /                       format, status, unit_*, bench_*, provenance_*, simulation (JSON), extra (JSON), manifest, digest
-/steps/0001             name, kind, role, whole, t_start, t_end, rate_dps, …, manifest, digest; mounting if across
+/steps/0001             name, kind, role, whole, t_start, t_end, rate_dps, …, manifest, digest; mounting if not along
 /steps/0001/time_s      float64 (n,), s       dimension scale: the digitizer's scans
 /steps/0001/gyro_v      float64 (n,), V       on time_s
 /steps/0001/poll_time_s float64 (m,), s       dimension scale: the polls

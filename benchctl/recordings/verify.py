@@ -115,7 +115,7 @@ def summarise(recording: Recording) -> dict[str, Any]:
     """Return the keys of `benchctl show --json`; reads all samples to check the digests.
 
     `status`; `steps` with `name`, `kind`, `role`, `whole`, `samples`, `t_start`, `t_end`, of a digital gyro also
-    `frames_lost` and `frames_bad`, of a unit mounted across also `mounting`; `channels` with `name`, `unit` and
+    `frames_lost` and `frames_bad`, of a unit not mounted along also `mounting`; `channels` with `name`, `unit` and
     `rate_hz` (None for polled channels); `provenance`; `digest_ok` (None if a recording has no digests yet);
     `problems`, in words.
     """

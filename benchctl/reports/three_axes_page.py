@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchctl.calibration.three_axes import AxesEstimate, ThreeAxesResult
-from benchctl.recordings.model import Meta
+from benchctl.recordings.model import Meta, StepInfo
 from benchctl.reports import setup_section, text, verdict
 from benchctl.reports.html import render, write_page
 from benchctl_instruments.mounting import AXES
@@ -48,11 +48,13 @@ def _table(title: str, bias_unit: str, estimate: AxesEstimate, k: float) -> Axes
     )
 
 
-def write_three_axes_report(path: Path, result: ThreeAxesResult, meta: Meta, *, digest: str) -> None:
+def write_three_axes_report(
+    path: Path, result: ThreeAxesResult, meta: Meta, infos: Sequence[StepInfo], *, digest: str
+) -> None:
     """Write the page atomically; `digest` is the recordings'. Raises `UsageError` if the file cannot be written."""
     rows = [
         ("Positions", ", ".join(result.positions)),
-        ("Steps", text.count(result.steps)),
+        ("Steps in these positions", text.count(result.steps)),
         ("Rates", text.span(*result.rate_dps, "°/s")),
         ("Temperature", text.span(*result.temperature_c, "°C")),
     ]
@@ -62,7 +64,7 @@ def write_three_axes_report(path: Path, result: ThreeAxesResult, meta: Meta, *, 
         status=verdict.status_text(meta),
         result=result,
         tables=list(axes_tables(result)),
-        setup=[*setup_section.facts(meta, []), *rows],
+        setup=[*setup_section.facts(meta, infos), *rows],
         provenance_rows=setup_section.provenance(meta, digest),
     )
     write_page(path, page)

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from benchctl import api
+from benchctl.app.accept import accept
 from benchctl.app.run import Watch, play, questions_asked
 from benchctl.bench import Bench, bench_of_text, load_bench, template
 from benchctl.campaign.check import problems
 from benchctl.campaign.hands import Answers
+from benchctl.campaign.resume import steps_to_play
 from benchctl.campaign.runner import Outcome
+from benchctl.metrology.limit_file import limits_of_text, limits_template
 from benchctl.plan import ConstantRate, Mount, Soak, Static
 from benchctl.recordings.model import AXIS_CHANNELS
 from benchctl.recordings.reader import open_recording
@@ -21,6 +24,7 @@ from benchctl.recordings.verify import verify
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.three_axes import ThreeAxisParameters
 from benchctl_procedures.three_axes import three_axes
+from tests.benchctl.recordings.made import info
 
 UNIT = ThreeAxisParameters()
 PLAN = three_axes.expand(
@@ -62,6 +66,12 @@ def test_a_bench_without_a_unit_of_three_axes_is_told_what_to_state() -> None:
     assert "turns a unit of three axes, and the bench has none; state axes = 3 in the table [gyro]" in problem.says
 
 
+def test_a_resumed_campaign_has_the_unit_turned_as_it_was() -> None:
+    whole = [info(index, kind=step.kind) for index, step in enumerate(PLAN.steps[:4], 1)]
+    (index, number, again), *_ = steps_to_play(PLAN, whole, 20.0)
+    assert (index, number, again.label) == (len(PLAN.steps) + 1, 5, "mount x up again, before step 5")
+
+
 def test_every_step_says_how_the_unit_was_turned_and_has_the_rates_of_all_axes(played: Outcome) -> None:
     assert (played.status, played.error, verify(played.recording)) == ("complete", None, [])
     with open_recording(played.recording) as recording:
@@ -73,6 +83,11 @@ def test_every_step_says_how_the_unit_was_turned_and_has_the_rates_of_all_axes(p
             expected = (info.rate_dps or 0.0) * (np.arange(3) == "xyz".index(info.mounting[0]))
             np.testing.assert_allclose(rates, expected, atol=0.6)
             assert info.role == "none"
+
+
+def test_no_test_of_one_axis_uses_these_steps(played: Outcome) -> None:
+    with pytest.raises(UsageError, match="has no complete step at rest or at a constant rate"):
+        accept(played.recording, limits_of_text(limits_template(), Path("limits.toml")))
 
 
 def test_the_fit_finds_the_units_matrix_and_biases(played: Outcome, tmp_path: Path) -> None:

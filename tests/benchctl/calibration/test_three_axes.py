@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from benchctl.calibration.coefficients import read_coefficients, write_coefficients
 from benchctl.calibration.compensating import read_compensation
 from benchctl.calibration.three_axes import ThreeAxesResult, fit_three_axes, three_axes_coefficients
+from benchctl.history.entries import read_document
 from benchctl.recordings.model import Meta, Step
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
@@ -160,8 +162,8 @@ def test_positions_or_rates_that_leave_the_matrix_open_are_refused(
         fit_three_axes(campaign(1, positions=positions, rates_dps=rates_dps), known())
 
 
-def test_the_file_states_every_number_and_is_not_taken_for_that_of_one_axis(tmp_path_factory) -> None:  # type: ignore[no-untyped-def]
-    path = tmp_path_factory.mktemp("three") / "coefficients.json"
+def test_the_file_states_every_number_and_is_not_taken_for_that_of_one_axis(tmp_path: Path) -> None:
+    path = tmp_path / "coefficients.json"
     result = fit_three_axes(campaign(1), known())
     write_coefficients(path, three_axes_coefficients(result, unit="SN-1", source=[("r.h5", "d")]))
     content = read_coefficients(path)
@@ -169,6 +171,8 @@ def test_the_file_states_every_number_and_is_not_taken_for_that_of_one_axis(tmp_
     assert content["matrix"][0][1] == parameters["matrix_xy"]["value"]
     assert parameters["bias_z_dps"]["expanded"] == pytest.approx(result.k * result.at_T0.standard.bias_dps[2])
     assert "matrix_per_c" not in content
+    figures = {one.name: one.value for one in read_document(path, "coefficients").figures}  # of the unit's history
+    assert figures == {one.name: one.value for one in result.parameters()}
     with pytest.raises(UsageError, match="is of a unit of three axes, expected coefficients of one"):
         read_compensation(path)
 
