@@ -70,7 +70,7 @@ def prove(
         )
         folder = out or Path("results") / f"prove_seed{seed}"
         with stop_on_signals() as stop, _told(result, settings.trials, quiet) as on_event:
-            finished = list(run_proof(settings, folder, told=on_event, stop=stop))
+            finished = list(run_proof(settings, folder, on_status=on_event, stop=stop))
         summary = summarize(seed, finished)
         written = write_proof_report(folder, summary)
         result.values |= {**summary.as_json(), **written, "folder": folder}
@@ -108,7 +108,7 @@ def _on_recording(
         proof = RecordingProof(recording=recording, part=cast("Part", part), seed=seed, trials=trials, jobs=jobs)
         folder = out or Path("results") / f"prove_{recording.stem}_seed{seed}"
         with stop_on_signals() as stop, _told(result, trials, quiet) as on_event:
-            finished = list(prove_on(proof, folder, told=on_event, stop=stop))
+            finished = list(prove_on(proof, folder, on_status=on_event, stop=stop))
         values = as_json(proof, untouched_findings(folder), finished)
         result.values |= {**values, "folder": folder}
         for line in lines_on(values):

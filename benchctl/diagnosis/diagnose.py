@@ -11,7 +11,7 @@ from benchctl.diagnosis.data_faults import coarse_step_of, fault_findings, witho
 from benchctl.diagnosis.earth_rate import other_answer, plainly_better
 from benchctl.diagnosis.findings.figures import figures_of
 from benchctl.diagnosis.findings.findings import findings_of, noise_effects
-from benchctl.diagnosis.findings.in_unit import finding_in, not_found_in, pieces_in_time, said_of, unexplained_in
+from benchctl.diagnosis.findings.in_unit import finding_in, in_terms_of, not_found_in, pieces_in_time, unexplained_in
 from benchctl.diagnosis.findings.located import slices_of, step_figures
 from benchctl.diagnosis.findings.not_found import not_found_of, unseen_in
 from benchctl.diagnosis.findings.traces import traces_of
@@ -123,7 +123,7 @@ def _diagnosis(
         steps=step_figures(problem, chosen),
         traces=traces_of(problem, chosen, faults),
         notes=(
-            *(said_of(one, part) for one in notes),
+            *(in_terms_of(one, part) for one in notes),
             *unseen_in(chosen, names),
             *remarks,
             *_at_bounds(problem, chosen),
@@ -183,7 +183,7 @@ def _names(chosen: Selection) -> set[str]:
 def _at_bounds(problem: PartProblem, chosen: Selection) -> Iterator[str]:
     """Yield sentences about baseline parameters that are at the bound of the plausible range."""
     units = dict(zip(problem.baseline_names, problem.baseline_units, strict=True))
-    for number, value in zip(chosen.whole.numbers, chosen.whole.point.baseline.tolist(), strict=False):
+    for number, value in zip(chosen.full.numbers, chosen.full.point.baseline.tolist(), strict=False):
         if stands_at(value, number.low, number.high):
             yield (
                 f"{number.name} is {value:.4g} {units[number.name]}, a bound of its plausible range"
@@ -195,6 +195,6 @@ def _at_bounds(problem: PartProblem, chosen: Selection) -> Iterator[str]:
 def _model(problem: PartProblem, chosen: Selection) -> dict[str, Any]:
     """Return the content of the model file."""
     unnamed = () if chosen.noise_structure is None else (chosen.noise_structure,)
-    effects = (*chosen.whole.point.effects, *noise_effects(chosen), *unnamed)
-    tables = problem.model_of(chosen.whole.point.baseline, effects, chosen.white_deviation)
+    effects = (*chosen.full.point.effects, *noise_effects(chosen), *unnamed)
+    tables = problem.model_of(chosen.full.point.baseline, effects, chosen.white_deviation)
     return {"format": "benchctl-model/1"} | tables

@@ -29,7 +29,7 @@ def other_answer(problem: PartProblem, chosen: Selection) -> PartProblem | None:
     other = problem.otherwise()
     if other is None:
         return None
-    fitted, white = chosen.whole, chosen.whitener
+    fitted, white = chosen.full, chosen.whitener
     variance = fitted.deviation**2
     moved = white(other.predict(fitted.point.baseline, fitted.point.effects) - fitted.predicted)
     reach = float(moved @ moved) / variance
@@ -64,7 +64,7 @@ def plainly_better(problem: PartProblem, fitted: Fit, white: Whitener) -> PartPr
 
 def _simpler(chosen: Selection, reach: float) -> Iterator[tuple[Point, float]]:
     """Yield models to test, and the allowed decrease of twice the log likelihood; negative if it must increase."""
-    point = chosen.whole.point
+    point = chosen.full.point
     yield point, -BEYOND_CHANCE
     for i, one in enumerate(chosen.evidence.values()):
         if one.gain < reach + BEYOND_CHANCE:

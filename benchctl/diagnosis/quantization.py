@@ -34,7 +34,7 @@ def unrounded(problem: PartProblem, chosen: Selection, step_v: float) -> PartPro
     """
     if step_v == 0.0 or not isinstance(problem, GyroProblem):
         return None
-    fitted = chosen.whole
+    fitted = chosen.full
     point = replace(fitted.point, effects=tuple(one for one in fitted.point.effects if not _of_the_steps(one, step_v)))
     other = problem.unrounded(problem.predict(point.baseline, point.effects), step_v)
     everything = np.ones_like(chosen.heldout)

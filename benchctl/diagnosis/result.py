@@ -115,12 +115,12 @@ class NotFound:
 class Curve:
     """A structure's function compared with the data of held-out steps, all in the unit of the quantity it changes.
 
-    In bins of the coordinate at `place` (m,): the residual that the function must explain (`asked`) and the residual
+    In bins of the coordinate at `place` (m,): the residual that the function must explain (`required`) and the residual
     after it (`left`), each with a standard `error`. At `along` (k,) the fitted function with its 95 % band.
     """
 
     place: FloatArray
-    asked: FloatArray
+    required: FloatArray
     left: FloatArray
     error: FloatArray
     along: FloatArray

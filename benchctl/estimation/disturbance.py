@@ -72,14 +72,14 @@ def pushed_in(problem: Problem, baseline: FloatArray, effects: Sequence[Any]) ->
     )
 
 
-def disturbance_beside(problem: Problem, fitted: Fit) -> Disturbance:
+def disturbance_of_fit(problem: Problem, fitted: Fit) -> Disturbance:
     """Return the likeliest disturbance of a fit's residual, on the steps that were fitted."""
     return _residuals_of(problem, fitted).own(_pushed(problem, fitted))
 
 
-def beside_disturbance(problem: Problem, fitted: Fit) -> Fit:
+def whitened_for_disturbance(problem: Problem, fitted: Fit) -> Fit:
     """Return the same model with its residual whitened for the disturbance that it implies."""
-    whitener = fitted.whitener.beside(disturbance_beside(problem, fitted).slow)
+    whitener = fitted.whitener.with_slow(disturbance_of_fit(problem, fitted).slow)
     return fit(problem, whitener, fitted, fitted.fitted, rounds=0)
 
 
@@ -95,7 +95,7 @@ def deviance_near(problem: Problem, nearest: Fit) -> float:
     most = nearest.squares + float(np.quantile(_followed(problem, nearest, found), _ALL_BUT))
     moved = nearest
     for _ in range(_ALTERNATED):
-        moved = fit(problem, nearest.whitener.beside(found.slow), moved, moved.fitted, rounds=_REFITTED)
+        moved = fit(problem, nearest.whitener.with_slow(found.slow), moved, moved.fitted, rounds=_REFITTED)
         inside = _towards(problem, nearest, moved, most)
         again = _likeliest(problem, inside)
         if again.deviance > found.deviance - _SETTLED or inside.point is not moved.point:
@@ -191,9 +191,9 @@ class _Residuals:
         self._floor = max(problem.rounding**2, 1e-12 * squares, 1e-24)
         self._lasts = float(problem.time_s[-1] - problem.time_s[0]) / problem.interval_s
 
-    def beside(self, slow: tuple[Slow, ...]) -> Disturbance:
+    def with_slow(self, slow: tuple[Slow, ...]) -> Disturbance:
         """Return one disturbance with its likelihood and its likeliest white noise."""
-        whitener = self._bare.beside(slow)
+        whitener = self._bare.with_slow(slow)
         white = whitener(self._columns)[:, self._rows]
         # the last number is the residual's remainder, the others give the determinant of the derivatives' products
         triangle = np.abs(np.diag(np.linalg.qr(white.T, mode="r")))
@@ -234,7 +234,7 @@ class _Residuals:
         found = scipy.optimize.fmin(
             missed, around[0], initial_simplex=around, xtol=0.05, ftol=0.1, maxfun=60, disp=False
         )
-        return min(self.beside(()), at(np.asarray(found)), key=key)
+        return min(self.with_slow(()), at(np.asarray(found)), key=key)
 
     def own(self, pushed: tuple[Slow, ...]) -> Disturbance:
         """Return the `pushed` processes by the restricted likelihood, unless another one is far likelier."""
@@ -268,7 +268,7 @@ class _Residuals:
                 drives[remembers] = drives.get(remembers, 0.0) + size * one.drive
         total = sum(one.drive for one in pushed)
         slow = tuple(Slow(remembers=key, drive=drive / total) for key, drive in drives.items())
-        return self.beside(slow)
+        return self.with_slow(slow)
 
 
 def with_disturbance(problem: Problem, fitted: Fit) -> Fit:
@@ -278,5 +278,5 @@ def with_disturbance(problem: Problem, fitted: Fit) -> Fit:
     """
     if not problem.disturbed:
         return fitted
-    moved = _drawn(problem, fitted, disturbance_beside(problem, fitted)) @ fitted.inverse_information
+    moved = _drawn(problem, fitted, disturbance_of_fit(problem, fitted)) @ fitted.inverse_information
     return replace(fitted, disturbed_covariance=np.atleast_2d(moved.T @ moved / _DRAWS))

@@ -317,11 +317,11 @@ def _derivatives(
     raw, white = _whitened(whitener, taken)
     if near is None:
         return raw, white, turned
-    raw = None if raw is None or near.unwhitened is None else _beside(near.unwhitened, raw)
-    return raw, _beside(near.derivatives, white), _beside(near.spectral.derivatives, turned)
+    raw = None if raw is None or near.unwhitened is None else _joined(near.unwhitened, raw)
+    return raw, _joined(near.derivatives, white), _joined(near.spectral.derivatives, turned)
 
 
-def _beside(known: FloatArray, more: FloatArray) -> FloatArray:
+def _joined(known: FloatArray, more: FloatArray) -> FloatArray:
     """Return columns (n, k) followed by more columns, each contiguous."""
     both = np.empty((len(known), known.shape[1] + more.shape[1]), order="F")
     both[:, : known.shape[1]], both[:, known.shape[1] :] = known, more

@@ -92,7 +92,7 @@ class Whitener:
     slow: tuple[Slow, ...] = ()
     time_s: FloatArray = field(default_factory=lambda: np.zeros(0))
 
-    def beside(self, slow: tuple[Slow, ...]) -> Whitener:
+    def with_slow(self, slow: tuple[Slow, ...]) -> Whitener:
         """Return a whitener of the same rows with other slow processes."""
         other = replace(self, slow=slow)
         other.__dict__["_rows"] = self._rows  # depends on the rows only, so it is computed once

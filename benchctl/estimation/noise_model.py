@@ -110,7 +110,7 @@ class NoiseModel:
         model = replace(self, whitener=self.plain, found={})
         if GROWING in self.found:
             again = self._growing(problem, fitted)
-            again = replace(again, whitener=again.whitener.beside(()))
+            again = replace(again, whitener=again.whitener.with_slow(()))
             model = model.with_(again) if again.gain > least_gain else model
         if set(PROCESSES) & self.found.keys():
             best = model.wandering(problem, fitted, least_gain)
@@ -125,7 +125,7 @@ class NoiseModel:
             return None
         return replace(best, rivals={one.effect: best.gain - one.gain for one in tried if one is not best})
 
-    def beside(self, problem: Problem, fitted: Fit, relative: FloatArray, *, least_gain: float) -> Self:
+    def simplified(self, problem: Problem, fitted: Fit, relative: FloatArray, *, least_gain: float) -> Self:
         """Return the model without growth over the rate if `relative` noise of the rows, shape (n,), explains it."""
         if GROWING not in self.found:
             return self

@@ -93,10 +93,10 @@ def with_residual(
     )
 
 
-def squares_of(problem: Problem, white: FloatArray, beside: FloatArray) -> FloatArray:
-    """Return the sum of squares of each step's whitened rows (n,) and additional residuals `beside` (w,); (m,)."""
+def squares_of(problem: Problem, white: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the sum of squares of each step's whitened rows (n,) and `others` residuals (w,); (m,)."""
     rows = _over_steps(problem, lambda rows: sum(float(white[some] @ white[some]) for some in in_cache(rows)))
-    return _added(problem, rows, beside**2)
+    return _added(problem, rows, others**2)
 
 
 def _added(problem: Problem, sums: FloatArray, values: FloatArray) -> FloatArray:

@@ -81,34 +81,34 @@ def _measured(
     rival: float,
 ) -> Noisy:
     """Measure the gain and the size on the samples themselves, by parabolas through three sizes."""
-    lasts_s = float(problem.time_s[-1] - problem.time_s[0])
+    duration_s = float(problem.time_s[-1] - problem.time_s[0])
     rows = fitted.fitted[problem.step]
     together = -(-rows.size // _MOST_ROWS)
     means = _Means(problem, whitener.weight, columns, fitted.fitted, together) if together > 1 else None
 
-    def beside(log_size: float) -> Whitener:
-        return whitener.beside(PROCESSES[name](math.exp(log_size), problem.interval_s, lasts_s))
+    def with_size(log_size: float) -> Whitener:
+        return whitener.with_slow(PROCESSES[name](math.exp(log_size), problem.interval_s, duration_s))
 
     def at(log_size: float) -> float:
         if means is not None:
             return means.deviance(PROCESSES[name], math.exp(log_size))
-        return _deviance(beside(log_size), columns, rows)
+        return _deviance(with_size(log_size), columns, rows)
 
-    without = _deviance(whitener.beside(()), columns, rows) if means is None else means.deviance(PROCESSES[name], 0.0)
+    bare = _deviance(whitener.with_slow(()), columns, rows) if means is None else means.deviance(PROCESSES[name], 0.0)
     middle = math.log(size)
     for _ in range(_STEPS):
         low, here, high = (at(middle + k * _NEAR) for k in (-1, 0, 1))
         curvature = max((low - 2.0 * here + high) / _NEAR**2, 1e-6)
         step = min(max(0.5 * (low - high) / (curvature * _NEAR), -2.0 * _NEAR), 2.0 * _NEAR)
         middle += step
-        if abs(step) < _NEAR or without - here + _FORESEEN * 2.0 * abs(low - high) < rival:
+        if abs(step) < _NEAR or bare - here + _FORESEEN * 2.0 * abs(low - high) < rival:
             break
-    best, other = at(middle), beside(middle)
+    best, other = at(middle), with_size(middle)
     resting = sum(kind == "static" for kind in problem.step_kinds)
     belied = _gain_at_rest(problem, other, fitted) < -_BELIED * (1 + resting)
     return Noisy(
         effect=name,
-        gain=0.0 if belied else without - best,
+        gain=0.0 if belied else bare - best,
         size=math.exp(middle) / other.usual,
         log_error=math.sqrt(2.0 / curvature),
         whitener=other,
@@ -205,8 +205,8 @@ class _Blocks:
             if 0 <= place < _SIZES.size:
                 deviances[place] = self.deviance(process, float(_SIZES[place]))
         place = min(deviances, key=deviances.__getitem__)
-        without = self.deviance(process, 0.0)
-        if without - deviances[place] < 0.5 * least_gain:
+        bare = self.deviance(process, 0.0)
+        if bare - deviances[place] < 0.5 * least_gain:
             return 0.0, float(_SIZES[place])
         around = np.log(_SIZES[[max(place - 1, 0), min(place + 1, _SIZES.size - 1)]])
         found = minimize_scalar(
@@ -215,14 +215,14 @@ class _Blocks:
             method="bounded",
             options={"xatol": _TOLERANCE},
         )
-        return without - float(found.fun), math.exp(float(found.x))
+        return bare - float(found.fun), math.exp(float(found.x))
 
     def deviance(self, process: Process, size: float) -> float:
         """Return minus twice the log likelihood with a process of this size; 0 for none."""
         # the white noise of a mean is smaller by the root of the samples, so the relative size of the process is larger
         relative = size * math.sqrt(self._samples)
         slow = process(relative, self._interval_s, self._lasts_s) if size > 0.0 else ()
-        whitener = self._whitener.beside(slow)
+        whitener = self._whitener.with_slow(slow)
         white = whitened_columns(whitener, self._columns)
         white *= self._fitted[:, None]
         return self._likelihood(_left(white)) + whitener.log_determinant

@@ -40,7 +40,7 @@ class TrialClass:
 
     Attributes
     ----------
-    says
+    title
         What it conceals, as text for reports.
     verdict
         The correct verdict of a diagnosis.
@@ -56,7 +56,7 @@ class TrialClass:
         Whether a structure without a name is concealed, too; such classes run only on request.
     """
 
-    says: str
+    title: str
     verdict: Verdict
     weight: int
     effects: int = 0
@@ -76,52 +76,52 @@ FAINT_GAIN = 200.0
 
 CLASSES: MappingProxyType[ClassName, TrialClass] = MappingProxyType(
     {
-        "nothing": TrialClass(says="nothing missing", verdict="consistent", weight=100),
-        "moved": TrialClass(says="coefficients moved only", verdict="recalibrate", weight=24),
-        "single": TrialClass(says="single effects", verdict="missing-physics", weight=60, effects=1),
+        "nothing": TrialClass(title="nothing missing", verdict="consistent", weight=100),
+        "moved": TrialClass(title="coefficients moved only", verdict="recalibrate", weight=24),
+        "single": TrialClass(title="single effects", verdict="missing-physics", weight=60, effects=1),
         "quarter": TrialClass(
-            says="a quarter of the size", verdict="missing-physics", weight=24, effects=1, share=0.25
+            title="a quarter of the size", verdict="missing-physics", weight=24, effects=1, share=0.25
         ),
-        "tenth": TrialClass(says="a tenth of the size", verdict="missing-physics", weight=24, effects=1, share=0.1),
-        "faint": TrialClass(says="faint", verdict="missing-physics", weight=24, effects=1, share=None),
-        "pair": TrialClass(says="pairs", verdict="missing-physics", weight=20, effects=2),
-        "triple": TrialClass(says="triples", verdict="missing-physics", weight=12, effects=3),
-        "wandering": TrialClass(says="wandering bias only", verdict="missing-physics", weight=16, wandering=True),
+        "tenth": TrialClass(title="a tenth of the size", verdict="missing-physics", weight=24, effects=1, share=0.1),
+        "faint": TrialClass(title="faint", verdict="missing-physics", weight=24, effects=1, share=None),
+        "pair": TrialClass(title="pairs", verdict="missing-physics", weight=20, effects=2),
+        "triple": TrialClass(title="triples", verdict="missing-physics", weight=12, effects=3),
+        "wandering": TrialClass(title="wandering bias only", verdict="missing-physics", weight=16, wandering=True),
         "wandering+one": TrialClass(
-            says="wandering bias and one effect", verdict="missing-physics", weight=16, effects=1, wandering=True
+            title="wandering bias and one effect", verdict="missing-physics", weight=16, effects=1, wandering=True
         ),
-        "outsider": TrialClass(says="its own hypothesis withheld", verdict="unknown-structure", weight=20, effects=1),
+        "outsider": TrialClass(title="its own hypothesis withheld", verdict="unknown-structure", weight=20, effects=1),
         "structure": TrialClass(
-            says="a structure without a name", verdict="unknown-structure", weight=40, structure=True
+            title="a structure without a name", verdict="unknown-structure", weight=40, structure=True
         ),
         "structure+one": TrialClass(
-            says="a structure and one effect", verdict="missing-physics", weight=20, effects=1, structure=True
+            title="a structure and one effect", verdict="missing-physics", weight=20, effects=1, structure=True
         ),
         "structure+wandering": TrialClass(
-            says="a structure and a wandering bias",
+            title="a structure and a wandering bias",
             verdict="missing-physics",
             weight=20,
             wandering=True,
             structure=True,
         ),
         "structure-faint": TrialClass(
-            says="a faint structure", verdict="unknown-structure", weight=20, share=None, structure=True
+            title="a faint structure", verdict="unknown-structure", weight=20, share=None, structure=True
         ),
         "drive": TrialClass(
-            says="up to two effects of a drive", verdict="missing-physics", weight=20, effects=2, part="drive"
+            title="up to two effects of a drive", verdict="missing-physics", weight=20, effects=2, part="drive"
         ),
         "drive-structure": TrialClass(
-            says="a torque without a name, alone or beside one effect of a drive",
+            title="a torque without a name, alone or beside one effect of a drive",
             verdict="unknown-structure",
             weight=20,
             structure=True,
             part="drive",
         ),
         "chamber": TrialClass(
-            says="up to two effects of a chamber", verdict="missing-physics", weight=20, effects=2, part="chamber"
+            title="up to two effects of a chamber", verdict="missing-physics", weight=20, effects=2, part="chamber"
         ),
         "chamber-structure": TrialClass(
-            says="heat without a name, alone or beside one effect of a chamber",
+            title="heat without a name, alone or beside one effect of a chamber",
             verdict="unknown-structure",
             weight=20,
             structure=True,

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from benchctl.proof.trial import Answer, Trial
 
-NOTHING, UNKNOWN, WITHHELD, BESIDE = "nothing", "unknown structure", "hypothesis withheld", "beside others"
-"""Rows and columns that are no effects. The row `BESIDE` counts false positives of trials without a missed effect."""
+NOTHING, UNKNOWN, WITHHELD, ADDED = "nothing", "unknown structure", "hypothesis withheld", "beside others"
+"""Rows and columns that are no effects. The row `ADDED` counts false positives of trials without a missed effect."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +44,8 @@ def confusion(trials: Sequence[Trial], answer: Callable[[Trial], Answer | None])
         if (found := answer(trial)) is not None and found.score is not None:
             pairs.update(_pairs(trial, found))
     drawn, stated = ({pair[i] for pair in pairs} for i in range(2))
-    effects = sorted((drawn | stated) - {NOTHING, UNKNOWN, WITHHELD, BESIDE})
-    rows = (*effects, *(name for name in (NOTHING, WITHHELD, BESIDE) if name in drawn))
+    effects = sorted((drawn | stated) - {NOTHING, UNKNOWN, WITHHELD, ADDED})
+    rows = (*effects, *(name for name in (NOTHING, WITHHELD, ADDED) if name in drawn))
     columns = (*effects, *(name for name in (NOTHING, UNKNOWN) if name in stated))
     counts = np.array([[pairs[row, column] for column in columns] for row in rows], dtype=np.int64)
     return Confusion(rows=rows, columns=columns, counts=counts.reshape(len(rows), len(columns)))
@@ -63,4 +63,4 @@ def _pairs(trial: Trial, found: Answer) -> list[tuple[str, str]]:
         return [(NOTHING, name) for name in instead]
     if missed:
         return pairs + [(name, other) for name in missed for other in instead]
-    return pairs + [(BESIDE, name) for name in made_up]
+    return pairs + [(ADDED, name) for name in made_up]

@@ -74,7 +74,7 @@ def draw(seed: int, index: int, kind: ClassName) -> Truth:
         if truth is not None:
             return truth
     raise UsageError(
-        f"trial {index}: no {wanted.says} in {_TRIES} draws that the procedure {PROCEDURE} brings out; "
+        f"trial {index}: no {wanted.title} in {_TRIES} draws that the procedure {PROCEDURE} brings out; "
         "choose another --seed"
     )
 

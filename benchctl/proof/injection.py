@@ -84,14 +84,14 @@ class Injection:
 class Untouched:
     """A recording without an added effect, and its blind diagnosis, given as JSON data."""
 
-    def __init__(self, recording: Recording, said: Mapping[str, Any]) -> None:
-        self._recording, self._said = recording, said
-        self._part: Part = said["part"]
+    def __init__(self, recording: Recording, answer: Mapping[str, Any]) -> None:
+        self._recording, self._answer = recording, answer
+        self._part: Part = answer["part"]
 
     @property
     def found(self) -> tuple[frozenset[str], ...]:
         """The effects that the recording itself shows: per finding its name and its stated alternatives."""
-        return tuple(stated_of(one) for one in self._said["findings"])
+        return tuple(stated_of(one) for one in self._answer["findings"])
 
     @cached_property
     def _problem(self) -> PartProblem:
@@ -99,14 +99,14 @@ class Untouched:
 
     @cached_property
     def _baseline(self) -> FloatArray:
-        stated = self._said["baseline"]["parameters"]
+        stated = self._answer["baseline"]["parameters"]
         return np.array([stated[name]["value"] for name in self._problem.baseline_names], dtype=np.float64)
 
     @cached_property
     def _own(self) -> tuple[DescribedEffect, ...]:
         return tuple(
             self._made(one["effect"], {name: value["value"] for name, value in one["parameters"].items()})
-            for one in self._said["findings"]
+            for one in self._answer["findings"]
             if one["effect"] in self._problem.effects
         )
 
@@ -277,7 +277,7 @@ class Untouched:
     def _left(self) -> float:
         """Rms of the residual of the untouched recording's diagnosis; of its innovations if it wanders."""
         if not self._problem.disturbed:
-            return float(self._said["fit"]["after"])
+            return float(self._answer["fit"]["after"])
         left = self._whitened(self._residual)[self._problem.usable]
         return math.sqrt(float(left @ left) / max(left.size, 1))
 
@@ -298,7 +298,7 @@ class Untouched:
         every = self._problem.usable
         slow = disturbance_of(self._problem, self._residual, self._baseline, self._own).slow
         weight = every.astype(np.float64)
-        return Whitener(interval_s=self._problem.interval_s, weight=weight, time_s=self._problem.time_s).beside(slow)
+        return Whitener(interval_s=self._problem.interval_s, weight=weight, time_s=self._problem.time_s).with_slow(slow)
 
     @cached_property
     def _absorbing(self) -> FloatArray:

@@ -20,7 +20,7 @@ from benchctl.diagnosis.result import Part
 from benchctl.documents import read_json
 from benchctl.proof.injection import Injection, Untouched, stated_of
 from benchctl.proof.processes import ProcessFailedError, run_module
-from benchctl.proof.running import Told, as_finished, claim, path_of
+from benchctl.proof.running import OnStatus, as_finished, claim, path_of
 from benchctl.recordings.reader import open_recording
 from benchctl_instruments.errors import UsageError
 
@@ -68,16 +68,16 @@ class InjectedTrial:
         return self.named and not self.lost and not self.made_up
 
 
-def prove_on(proof: RecordingProof, folder: Path, *, told: Told, stop: StopRequest) -> Iterator[InjectedTrial]:
+def prove_on(proof: RecordingProof, folder: Path, *, on_status: OnStatus, stop: StopRequest) -> Iterator[InjectedTrial]:
     """Yield the trials as they finish, beginning with those that the folder already holds.
 
-    `told` is called from any thread with the number of a trial and its status. A `stop` ends the processes and raises
-    `StoppedError`. Raises `UsageError` if the folder holds another proof, or the recording cannot be diagnosed or
-    reveals no effect.
+    `on_status` is called from any thread with the number of a trial and its status. A `stop` ends the processes and
+    raises `StoppedError`. Raises `UsageError` if the folder holds another proof, or the recording cannot be diagnosed
+    or reveals no effect.
     """
     with open_recording(proof.recording) as recording:
         claim(folder, {"recording": recording.digest or str(recording.path), "part": proof.part, "seed": proof.seed})
-        run = _Run(proof, folder, told, stop, Untouched(recording, _untouched(proof, folder, stop)))
+        run = _Run(proof, folder, on_status, stop, Untouched(recording, _untouched(proof, folder, stop)))
         yield from as_finished(
             folder, proof.trials, lambda path: InjectedTrial(**read_json(path, "trial")), run, proof.jobs
         )
@@ -89,7 +89,7 @@ class _Run:
 
     proof: RecordingProof
     folder: Path
-    told: Told
+    on_status: OnStatus
     stop: StopRequest
     untouched: Untouched
 
@@ -99,7 +99,7 @@ class _Run:
             trial = self._trial(index, Path(work))
         with whole_file(path_of(self.folder, index)) as temporary:
             temporary.write_text(json.dumps(asdict(trial), indent=1) + "\n", encoding="utf-8")
-        self.told(index, "right" if trial.right else "wrong")
+        self.on_status(index, "right" if trial.right else "wrong")
         return trial
 
     def _trial(self, index: int, work: Path) -> InjectedTrial:
@@ -110,7 +110,7 @@ class _Run:
         except ProcessFailedError as err:
             raise UsageError(f"trial {index}: {err}") from err
         digest = json.loads(sealed)["digest"]
-        self.told(index, f"sealed, sha256 {digest}")
+        self.on_status(index, f"sealed, sha256 {digest}")
         try:
             self._run("blind", injected, "--part", self.proof.part, "--out", answer)
         except ProcessFailedError as err:

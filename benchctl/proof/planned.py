@@ -44,13 +44,13 @@ class Planned:
     signals: Signals
     starts: tuple[int, ...]
 
-    def gain(self, effects: Sequence[PhysicalEffect], beside: Mapping[str, Mapping[str, float]] | None = None) -> float:
+    def gain(self, effects: Sequence[PhysicalEffect], drifts: Mapping[str, Mapping[str, float]] | None = None) -> float:
         """Return the joint gain of effects in twice the log likelihood, with the lab's parameters refitted.
 
-        `beside` holds the parameters of wandering biases, by effect; they hide slow changes.
+        `drifts` holds the parameters of wandering biases, by effect; they hide slow changes.
         """
         change = (self._output(effects) - self._clean)[self._settled]
-        whitener = self._whitener(beside or {})
+        whitener = self._whitener(drifts or {})
         white = whitener(change) / (self._noise_v * whitener.innovation)
         basis, _ = np.linalg.qr(np.stack([whitener(column) for column in self._followed.T], axis=1))
         left = white - basis @ (basis.T @ white)
@@ -61,12 +61,12 @@ class Planned:
         """Standard deviation of a sample's white noise, rounding included."""
         return math.hypot(self.unit.noise_v, self.unit.adc_step_v / math.sqrt(12.0))
 
-    def _whitener(self, beside: Mapping[str, Mapping[str, float]]) -> Whitener:
+    def _whitener(self, drifts: Mapping[str, Mapping[str, float]]) -> Whitener:
         time_s, interval_s = self.signals.time_s[self._settled], self.signals.interval_s
         slow: tuple[Slow, ...] = ()
-        if size := beside.get("bias_random_walk"):
+        if size := drifts.get("bias_random_walk"):
             slow += walk(size["v_per_sqrt_s"] / self._noise_v, interval_s)
-        if size := beside.get("flicker_noise"):
+        if size := drifts.get("flicker_noise"):
             slow += flicker(size["v_rms_per_decade"] / self._noise_v, interval_s, float(np.ptp(time_s)))
         return Whitener(interval_s=interval_s, weight=np.ones(time_s.size), slow=slow, time_s=time_s)
 

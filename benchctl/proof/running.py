@@ -33,7 +33,7 @@ _LONGEST_S = 900.0
 
 _Trial = TypeVar("_Trial")
 
-Told = Callable[[int, str], None]
+OnStatus = Callable[[int, str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class ProofSettings:
     jobs: int = 2
 
 
-def run_proof(settings: ProofSettings, folder: Path, *, told: Told, stop: StopRequest) -> Iterator[Trial]:
+def run_proof(settings: ProofSettings, folder: Path, *, on_status: OnStatus, stop: StopRequest) -> Iterator[Trial]:
     """Yield the trials as they finish, beginning with those that the folder already holds.
 
     Parameters
@@ -61,7 +61,7 @@ def run_proof(settings: ProofSettings, folder: Path, *, told: Told, stop: StopRe
         The settings of the proof.
     folder
         Where the trials are kept: new, empty, or that of the same proof.
-    told
+    on_status
         Called from any thread with the number of a trial and its status.
     stop
         A stop request ends the running processes and raises `StoppedError`.
@@ -74,7 +74,7 @@ def run_proof(settings: ProofSettings, folder: Path, *, told: Told, stop: StopRe
         If the simulated bench failed.
     """
     claim(folder, {"seed": settings.seed, "only": list(settings.only), "generic": settings.generic})
-    run = _Run(settings, folder, told, stop)
+    run = _Run(settings, folder, on_status, stop)
     kinds = allotted(settings.trials, settings.only)
     yield from as_finished(folder, len(kinds), read_trial, lambda index: run(index, kinds[index]), settings.jobs)
 
@@ -106,7 +106,7 @@ class _Run:
 
     settings: ProofSettings
     folder: Path
-    told: Told
+    on_status: OnStatus
     stop: StopRequest
 
     def __call__(self, index: int, kind: ClassName) -> Trial:
@@ -123,7 +123,7 @@ class _Run:
             if not self.settings.keep:
                 shutil.rmtree(work, ignore_errors=True)
         write_trial(path_of(self.folder, index), trial)
-        self.told(index, "right" if trial.physics.right else "wrong")
+        self.on_status(index, "right" if trial.physics.right else "wrong")
         return trial
 
     def _trial(self, index: int, kind: ClassName, work: Path) -> Trial:
@@ -161,7 +161,7 @@ class _Run:
         report: dict[str, Any] = {}
         for line in text.splitlines():
             report |= json.loads(line)
-        self.told(index, f"sealed, sha256 {report['digest']}")
+        self.on_status(index, f"sealed, sha256 {report['digest']}")
         return report
 
     def _asked(

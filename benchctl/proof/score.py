@@ -79,46 +79,46 @@ class Score:
     removed: float | None = None
 
 
-def score_diagnosis(truth: Sealed, said: Mapping[str, Any]) -> Score:
+def score_diagnosis(truth: Sealed, answer: Mapping[str, Any]) -> Score:
     """Score a diagnosis, given as JSON data."""
     # a second effect of the same kind, which no trial conceals, counts as an additional one
-    found = dict(zip(keys_of_names(one["effect"] for one in said["findings"]), said["findings"], strict=True))
+    found = dict(zip(keys_of_names(one["effect"] for one in answer["findings"]), answer["findings"], strict=True))
     missed, made_up = _differences(truth, found)
-    verdict_right = said["verdict"] == truth.verdict
-    located = _located(truth, said["unexplained"]) if truth.withheld else None
+    verdict_right = answer["verdict"] == truth.verdict
+    located = _located(truth, answer["unexplained"]) if truth.withheld else None
     structure = CLASSES[truth.kind].structure
     if structure and located:
-        located = _modelled(truth, said["unexplained"])
+        located = _modelled(truth, answer["unexplained"])
     right = not missed and not made_up
-    fit = said["fit"]
+    fit = answer["fit"]
     return Score(
         right=right and (verdict_right or structure) and bool(located) if truth.withheld else right,
         missed=missed,
         made_up=made_up,
         verdict_right=verdict_right,
         located=located,
-        shape_right=_shape_right(truth, said["unexplained"]),
+        shape_right=_shape_right(truth, answer["unexplained"]),
         parameters=tuple(
             score
             for name in truth.effects
             if name in found
             for score in _parameters(name, truth, found[name]["parameters"])
         )
-        + tuple(_of_structures(truth, said["unexplained"])),
+        + tuple(_of_structures(truth, answer["unexplained"])),
         heldout_ratio=fit["heldout_after"] / fit["noise"] if fit["noise"] and fit["heldout_after"] else None,
         removed=_removed(fit),
     )
 
 
-def score_regression(truth: Sealed, said: Mapping[str, Any]) -> Score:
+def score_regression(truth: Sealed, answer: Mapping[str, Any]) -> Score:
     """Score the sparse regression; it cannot state unknown structure, so it is never right for an outsider."""
-    missed, made_up = _differences(truth, dict.fromkeys(said["effects"]))
+    missed, made_up = _differences(truth, dict.fromkeys(answer["effects"]))
     return Score(
         right=not missed and not made_up and not truth.withheld,
         missed=missed,
         made_up=made_up,
         located=False if truth.withheld else None,
-        heldout_ratio=said["heldout_ratio"],
+        heldout_ratio=answer["heldout_ratio"],
     )
 
 

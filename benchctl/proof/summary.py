@@ -152,7 +152,7 @@ def _generic(trial: Trial) -> Answer | None:
     return trial.generic
 
 
-def _row(kind: ClassName, trials: Sequence[Trial], beside: bool) -> ClassRow:
+def _row(kind: ClassName, trials: Sequence[Trial], compared: bool) -> ClassRow:
     mine = [trial for trial in trials if trial.kind == kind]
     scores = [trial.physics.score for trial in mine if trial.physics.score is not None]
     others = [trial.generic.score for trial in mine if trial.generic is not None and trial.generic.score is not None]
@@ -162,7 +162,7 @@ def _row(kind: ClassName, trials: Sequence[Trial], beside: bool) -> ClassRow:
         verdict=Share(count=sum(bool(score.verdict_right) for score in scores), of=len(mine)),
         missed=sum(len(score.missed) for score in scores),
         made_up=sum(len(score.made_up) for score in scores),
-        generic=Share(count=sum(score.right for score in others), of=len(mine)) if beside else None,
+        generic=Share(count=sum(score.right for score in others), of=len(mine)) if compared else None,
         generic_made_up=sum(len(score.made_up) for score in others),
     )
 
@@ -194,7 +194,7 @@ def _figures(trials: Sequence[Trial], answer: Callable[[Trial], Answer | None]) 
 def _class_json(row: ClassRow) -> dict[str, Any]:
     return {
         "class": row.kind,
-        "says": CLASSES[row.kind].says,
+        "says": CLASSES[row.kind].title,
         "right": row.right.as_json(),
         "verdict_right": row.verdict.as_json(),
         "missed": row.missed,

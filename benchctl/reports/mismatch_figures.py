@@ -299,7 +299,7 @@ def curve_figure(of: StructureModel, unit: str) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     upper.fill_between(curve.along, factor * curve.low, factor * curve.high, color=BAND, linewidth=0)
     upper.plot(curve.along, factor * curve.fitted, color=AFTER.colour, linewidth=0.9)
-    for axes, look, values in ((upper, BEFORE, curve.asked), (lower, AFTER, curve.left)):
+    for axes, look, values in ((upper, BEFORE, curve.required), (lower, AFTER, curve.left)):
         axes.axhline(0.0, color=INK, linewidth=0.5)
         axes.errorbar(
             curve.place,

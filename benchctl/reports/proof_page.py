@@ -54,7 +54,7 @@ def percent(share: Share) -> str:
 
 
 def _class_line(row: ClassRow) -> str:
-    line = f"{CLASSES[row.kind].says:<30} {row.right!s:>12} {row.verdict!s:>12}"
+    line = f"{CLASSES[row.kind].title:<30} {row.right!s:>12} {row.verdict!s:>12}"
     return line if row.generic is None else f"{line} {row.generic!s:>14}"
 
 
@@ -137,7 +137,7 @@ def _wrong(trial: Trial) -> dict[str, object]:
         )
         if part
     )
-    return {"index": trial.index, "kind": CLASSES[trial.kind].says, "drawn": drawn or "nothing", "said": answer}
+    return {"index": trial.index, "kind": CLASSES[trial.kind].title, "drawn": drawn or "nothing", "said": answer}
 
 
 _MARGIN_IN, _CELL_IN, _LABELS_IN = 0.4, 0.17, 1.5

@@ -120,8 +120,8 @@ ACTS: Mapping[StructureStage, _Acts] = {
 class _Over:
     """A coordinate: its word in a diagnosis, its unit, its printed form, and its values for signals.
 
-    `momentary` coordinates follow the motion. At zero of a `signed` coordinate a structure changes nothing. `ways` are
-    texts for coordinates with the values −1, 0 and 1 only: below, above and away from zero.
+    `momentary` coordinates follow the motion. At zero of a `signed` coordinate a structure changes nothing. The texts
+    `directions` belong to coordinates with the values −1, 0 and 1 only: below, above and away from zero.
     """
 
     word: str
@@ -131,7 +131,7 @@ class _Over:
     values: Callable[[Signals], FloatArray]
     momentary: bool = False
     signed: bool = False
-    ways: tuple[str, str, str] | None = None
+    directions: tuple[str, str, str] | None = None
 
 
 def _auxiliary(name: str) -> Callable[[Signals], FloatArray]:
@@ -183,7 +183,7 @@ OVER: Mapping[str, _Over] = {
         values=lambda signals: direction(signals.rate_dps),
         momentary=True,
         signed=True,
-        ways=("the table turns clockwise", "the table turns counter-clockwise", "the table turns"),
+        directions=("the table turns clockwise", "the table turns counter-clockwise", "the table turns"),
     ),
     "last_sign": _Over(
         word="rate_sign",
@@ -193,7 +193,7 @@ OVER: Mapping[str, _Over] = {
         values=lambda signals: last_sign(signals.rate_dps),
         momentary=True,
         signed=True,
-        ways=("the last turn was clockwise", "the last turn was counter-clockwise", "the table has turned"),
+        directions=("the last turn was clockwise", "the last turn was counter-clockwise", "the table has turned"),
     ),
     "acceleration": _Over(
         word="acceleration",
@@ -255,7 +255,7 @@ OVER: Mapping[str, _Over] = {
         phrase="the way in which the chamber's set point moves",
         values=_auxiliary(SETPOINT_WAY),
         signed=True,
-        ways=("the chamber's set point falls", "the chamber's set point rises", "the chamber's set point moves"),
+        directions=("the chamber's set point falls", "the chamber's set point rises", "the chamber's set point moves"),
     ),
     "output": _Over(
         word="output",

@@ -15,13 +15,13 @@ from benchctl_instruments.physics.structure_places import ACTS, OVER, Span, Stru
 
 EDGE = 0.01
 """Width of a plateau's edges relative to its length; sharp edges could not be fitted."""
-_MANIFOLD = 2.0
-"""Increase of a share above which it is stated as a factor."""
+_FACTOR_ABOVE = 2.0
+"""Relative increase above which a sentence states a factor instead of a percentage."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Said:
-    """The data for the sentence about a structure: its stage, its coordinate and its values."""
+class ShapeInWords:
+    """A shape with its stage, its coordinate and its values: the words from which its sentence is composed."""
 
     stage: StructureStage
     over: str
@@ -45,9 +45,9 @@ class Said:
         return f"{factor * abs(value):.3g} {unit}{per}"
 
     def change(self, name: str = "change") -> str:
-        """Return a change with its direction, in words; that of a share by a large factor as this factor."""
+        """Return a change with its direction, in words; a large relative change as a factor."""
         value = self.values[name]
-        if ACTS[self.stage].printed[1] == "%" and value > _MANIFOLD:
+        if ACTS[self.stage].printed[1] == "%" and value > _FACTOR_ABOVE:
             return f"{1.0 + value:.3g} times as large"
         return f"{self.size(value)} {'lower' if value < 0.0 else 'higher'}"
 
@@ -64,11 +64,11 @@ class Said:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """A shape: sizes with the power of the coordinate in their unit, places in x, lengths in x, and its function.
+    """A shape: its parameters, its formula, its function of the coordinate x, and a sentence that describes it.
 
-    `ends` are the ends of its range, which are not fitted; `numbers` are parameters without a unit, with their bounds.
-    The callable `says` returns a sentence about it. With a `memory`, x is the coordinate after a first-order lag, or
-    the part of it that a backlash holds back.
+    Parameters are `sizes` with the power of x in their unit, `places` and `lengths` in the unit of x, `ends` of the
+    range of x, which are not fitted, and `numbers` without a unit, with their bounds. With a `memory`, x is the
+    coordinate after a first-order lag, or the difference between the coordinate after a backlash and the coordinate.
     """
 
     sizes: Mapping[str, int] = field(default_factory=lambda: {"change": 0})
@@ -78,7 +78,7 @@ class Shape:
     numbers: Mapping[str, Span] = field(default_factory=dict)
     formula: str
     function: Callable[[Mapping[str, float], FloatArray], Any]
-    says: Callable[[Said], str]
+    sentence: Callable[[ShapeInWords], str]
     memory: Literal["", "lag", "backlash"] = ""
 
     def written(self, over: str, times: str = "") -> str:
@@ -108,18 +108,18 @@ def _wave(p: Mapping[str, float], x: FloatArray) -> FloatArray:
     return p["cosine"] * np.cos(turned) + p["sine"] * np.sin(turned)
 
 
-def _bent(p: Mapping[str, float], x: FloatArray) -> FloatArray:
+def _two_slopes(p: Mapping[str, float], x: FloatArray) -> FloatArray:
     return p.get("below", 0.0) * np.minimum(x - p["at"], 0.0) + p.get("above", 0.0) * np.maximum(x - p["at"], 0.0)
 
 
-def _waves(said: Said) -> str:
-    size = said.size(math.hypot(said.values["cosine"], said.values["sine"]))
-    return f"The {said.what} follows a wave over {said.along}: ±{size}, with a period of {said.place('period')}."
+def _periodic(it: ShapeInWords) -> str:
+    size = it.size(math.hypot(it.values["cosine"], it.values["sine"]))
+    return f"The {it.what} follows a wave over {it.along}: ±{size}, with a period of {it.place('period')}."
 
 
-def _within(said: Said) -> str:
+def _peak(it: ShapeInWords) -> str:
     return (
-        f"About {said.place()} of {said.along} the {said.what} is up to {said.change()}, within {said.place('width')}"
+        f"About {it.place()} of {it.along} the {it.what} is up to {it.change()}, within {it.place('width')}"
         " to either side."
     )
 
@@ -131,9 +131,9 @@ def _step(side: str, sign: float, formula: str) -> Shape:
         lengths=("width",),
         formula=f"change·clip({formula}/width + ½, 0, 1)",
         function=lambda p, x: p["change"] * _ramp(sign * x, sign * p["at"], p["width"]),
-        says=lambda of: (
-            f"Where {of.along} is {side} {of.place()} the {of.what} is {of.change()}; the change takes"
-            f" {of.place('width')} or less."
+        sentence=lambda it: (
+            f"Where {it.along} is {side} {it.place()} the {it.what} is {it.change()}; the change takes"
+            f" {it.place('width')} or less."
         ),
     )
 
@@ -144,8 +144,8 @@ def _kink(side: str, limited: str) -> Shape:
         sizes={side: 1},
         places=("at",),
         formula=f"{side}·{limited}({{x}} − at, 0)",
-        function=_bent,
-        says=lambda of: f"{side.capitalize()} {of.place()} of {of.along} the {of.what} {of.slope(side)}.",
+        function=_two_slopes,
+        sentence=lambda it: f"{side.capitalize()} {it.place()} of {it.along} the {it.what} {it.slope(side)}.",
     )
 
 
@@ -162,9 +162,9 @@ def _power(side: str, sign: float, end: Literal["low", "high"], formula: str) ->
         numbers={"exponent": (0.2, 5.0)},
         formula=f"change·(max({formula}, 0)/|{end} − at|)^exponent",
         function=function,
-        says=lambda of: (
-            f"{side.capitalize()} {of.place()} of {of.along} the {of.what} changes as the distance to the power"
-            f" of {of.values['exponent']:.3g}: at {of.place(end)} it is {of.change()}."
+        sentence=lambda it: (
+            f"{side.capitalize()} {it.place()} of {it.along} the {it.what} changes as the distance to the power"
+            f" of {it.values['exponent']:.3g}: at {it.place(end)} it is {it.change()}."
         ),
     )
 
@@ -180,9 +180,9 @@ def _exponential(sign: float, end: Literal["low", "high"], formula: str, how: st
         ends=(end,),
         formula=formula,
         function=function,
-        says=lambda of: (
-            f"The {of.what} changes exponentially as {of.along} {how}, by a factor e each {of.place('tau')}: at"
-            f" {of.place(end)} it is {of.change()}."
+        sentence=lambda it: (
+            f"The {it.what} changes exponentially as {it.along} {how}, by a factor e each {it.place('tau')}: at"
+            f" {it.place(end)} it is {it.change()}."
         ),
     )
 
@@ -191,27 +191,29 @@ def _polynomial(degree: int, name: str) -> Shape:
     """Return a polynomial without a constant."""
     names = [f"c{i + 1}" for i in range(degree)]
 
-    def says(said: Said) -> str:
-        terms = ", ".join(f"{one} = {said.values[one]:.3g}" for one in names)
-        return f"The {said.what} follows a {name} over {said.along}: {terms}."
+    def sentence(it: ShapeInWords) -> str:
+        terms = ", ".join(f"{one} = {it.values[one]:.3g}" for one in names)
+        return f"The {it.what} follows a {name} over {it.along}: {terms}."
 
     return Shape(
         sizes={one: i + 1 for i, one in enumerate(names)},
         formula=" + ".join(f"{one}·{{x}}{('', '²', '³')[i]}" for i, one in enumerate(names)),
         function=lambda p, x: np.polynomial.polynomial.polyval(x, [0.0, *(p[one] for one in names)]),
-        says=says,
+        sentence=sentence,
     )
 
 
-def _way(number: int, relation: str, chosen: Callable[[FloatArray], BoolArray]) -> Shape:
+def _by_sign(number: int, relation: str, chosen: Callable[[FloatArray], BoolArray]) -> Shape:
     """Return a change where the coordinate is below zero, above zero, or not zero."""
 
-    def says(said: Said) -> str:
-        ways = OVER[said.over].ways
-        where = f"Where {said.along} is {('below', 'above', 'not')[number]} zero"
-        return f"{where if ways is None else f'While {ways[number]}'} the {said.what} is {said.change()}."
+    def sentence(it: ShapeInWords) -> str:
+        directions = OVER[it.over].directions
+        where = f"Where {it.along} is {('below', 'above', 'not')[number]} zero"
+        return f"{where if directions is None else f'While {directions[number]}'} the {it.what} is {it.change()}."
 
-    return Shape(formula=f"change·[{{x}} {relation} 0]", function=lambda p, x: p["change"] * chosen(x), says=says)
+    return Shape(
+        formula=f"change·[{{x}} {relation} 0]", function=lambda p, x: p["change"] * chosen(x), sentence=sentence
+    )
 
 
 def _spline(knots: int) -> Shape:
@@ -229,23 +231,23 @@ def _spline(knots: int) -> Shape:
         ends=("low", "high"),
         formula=f"a cubic spline over {{x}} through v0 … v{knots - 1}, evenly from low to high",
         function=function,
-        says=lambda of: (
-            f"The {of.what} follows a smooth curve over {of.along}: it varies by"
-            f" {of.size(float(np.ptp([of.values[name] for name in names])))} in all."
+        sentence=lambda it: (
+            f"The {it.what} follows a smooth curve over {it.along}: it varies by"
+            f" {it.size(float(np.ptp([it.values[name] for name in names])))} in all."
         ),
     )
 
 
-def _any(formula: str, of_share: Callable[[FloatArray], FloatArray]) -> Shape:
-    """Return a function of the distance from a place in units of a width; a diagnosis does not search for it."""
+def _of_u(formula: str, of_u: Callable[[FloatArray], FloatArray]) -> Shape:
+    """Return a shape of u = (x − at)/width for simulations; a diagnosis does not search for it."""
     return Shape(
         places=("at",),
         lengths=("width",),
         formula=formula,
-        function=lambda p, x: p["change"] * of_share((x - p["at"]) / p["width"]),
-        says=lambda of: (
-            f"The {of.what} depends on {of.along} as {formula.format(x='x')}: change {of.change()}, at"
-            f" {of.place()}, width {of.place('width')}."
+        function=lambda p, x: p["change"] * of_u((x - p["at"]) / p["width"]),
+        sentence=lambda it: (
+            f"The {it.what} depends on {it.along} as {formula.format(x='x')}: change {it.change()}, at"
+            f" {it.place()}, width {it.place('width')}."
         ),
     )
 
@@ -261,25 +263,25 @@ SHAPES: Mapping[str, Shape] = {
         function=lambda p, x: (
             p["change"] * _ramp(x, p["at"], p["width"]) + p["change_2"] * _ramp(x, p["at_2"], p["width"])
         ),
-        says=lambda of: (
-            f"Above {of.place()} of {of.along} the {of.what} is {of.change()}, and above {of.place('at_2')}"
-            f" {of.change('change_2')} than before; each change takes {of.place('width')} or less."
+        sentence=lambda it: (
+            f"Above {it.place()} of {it.along} the {it.what} is {it.change()}, and above {it.place('at_2')}"
+            f" {it.change('change_2')} than before; each change takes {it.place('width')} or less."
         ),
     ),
     "jump": Shape(
         places=("at",),
         formula="change·[{x} ≥ at]",
         function=lambda p, x: p["change"] * (x >= p["at"]),
-        says=lambda of: f"From {of.place()} of {of.along} on the {of.what} is {of.change()}.",
+        sentence=lambda it: f"From {it.place()} of {it.along} on the {it.what} is {it.change()}.",
     ),
     "plateau": Shape(
         places=("at",),
         lengths=("length",),
         formula="change·[at ≤ {x} < at + length]",
         function=_plateau,
-        says=lambda of: (
-            f"Where {of.along} is between {of.place()} and {of.place(of.values['at'] + of.values['length'])}"
-            f" the {of.what} is {of.change()}."
+        sentence=lambda it: (
+            f"Where {it.along} is between {it.place()} and {it.place(it.values['at'] + it.values['length'])}"
+            f" the {it.what} is {it.change()}."
         ),
     ),
     "kink": _kink("above", "max"),
@@ -290,10 +292,10 @@ SHAPES: Mapping[str, Shape] = {
         sizes={"below": 1, "above": 1},
         places=("at",),
         formula="below·min({x} − at, 0) + above·max({x} − at, 0)",
-        function=_bent,
-        says=lambda of: (
-            f"The {of.what} bends at {of.place()} of {of.along}: below, it {of.slope('below')}; above, it"
-            f" {of.slope('above')}."
+        function=_two_slopes,
+        sentence=lambda it: (
+            f"The {it.what} bends at {it.place()} of {it.along}: below, it {it.slope('below')}; above, it"
+            f" {it.slope('above')}."
         ),
     ),
     "bump": Shape(
@@ -301,14 +303,14 @@ SHAPES: Mapping[str, Shape] = {
         lengths=("width",),
         formula="change·exp(−½·(({x} − at)/width)²)",
         function=lambda p, x: p["change"] * np.exp(-0.5 * ((x - p["at"]) / p["width"]) ** 2),
-        says=_within,
+        sentence=_peak,
     ),
     "wave": Shape(
         sizes={"cosine": 0, "sine": 0},
         lengths=("period",),
         formula="cosine·cos(2π·{x}/period) + sine·sin(2π·{x}/period)",
         function=_wave,
-        says=_waves,
+        sentence=_periodic,
     ),
     "line": _polynomial(1, "straight line"),
     "parabola": _polynomial(2, "parabola"),
@@ -317,8 +319,8 @@ SHAPES: Mapping[str, Shape] = {
         lengths=("tau",),
         formula="change·exp(−{x}/tau)",
         function=lambda p, x: p["change"] * np.exp(-x / p["tau"]),
-        says=lambda of: (
-            f"The {of.what} begins {of.change()} and settles over {of.along} with a constant of {of.place('tau')}."
+        sentence=lambda it: (
+            f"The {it.what} begins {it.change()} and settles over {it.along} with a constant of {it.place('tau')}."
         ),
     ),
     "rise": _exponential(1.0, "high", "change·exp(({x} − high)/tau)", "rises"),
@@ -328,30 +330,30 @@ SHAPES: Mapping[str, Shape] = {
         lengths=("period", "length"),
         formula="change·[({x} − at) mod period < length]",
         function=_bursts,
-        says=lambda of: (
-            f"Every {of.place('period')} of {of.along}, from {of.place()} on, the {of.what} is {of.change()}"
-            f" for {of.place('length')}."
+        sentence=lambda it: (
+            f"Every {it.place('period')} of {it.along}, from {it.place()} on, the {it.what} is {it.change()}"
+            f" for {it.place('length')}."
         ),
     ),
-    "negative": _way(0, "<", lambda x: x < 0.0),
-    "positive": _way(1, ">", lambda x: x > 0.0),
-    "either": _way(2, "≠", lambda x: x != 0.0),
+    "negative": _by_sign(0, "<", lambda x: x < 0.0),
+    "positive": _by_sign(1, ">", lambda x: x > 0.0),
+    "either": _by_sign(2, "≠", lambda x: x != 0.0),
     "resonance": Shape(
         places=("at",),
         lengths=("width",),
         formula="change/(1 + (({x} − at)/width)²)",
         function=lambda p, x: p["change"] / (1.0 + ((x - p["at"]) / p["width"]) ** 2),
-        says=_within,
+        sentence=_peak,
     ),
     "hysteresis": Shape(
         sizes={"c1": 1},
         lengths=("width",),
         formula="c1·(play({x}; ±width) − {x})",
         function=lambda p, x: p["c1"] * x,
-        says=lambda of: (
-            f"The {of.what} has a hysteresis over {of.along}: at the same value it differs by"
-            f" {of.size(2.0 * of.values['width'] * of.values['c1'])} between rising and falling; it follows with"
-            f" a backlash of ±{of.place('width')}."
+        sentence=lambda it: (
+            f"The {it.what} has a hysteresis over {it.along}: at the same value it differs by"
+            f" {it.size(2.0 * it.values['width'] * it.values['c1'])} between rising and falling; it follows with"
+            f" a backlash of ±{it.place('width')}."
         ),
         memory="backlash",
     ),
@@ -360,25 +362,25 @@ SHAPES: Mapping[str, Shape] = {
         sizes={"c1": 1},
         formula="c1·y, τ·dy/dt = {x} − y, τ = tau",
         function=lambda p, x: p["c1"] * x,
-        says=lambda of: (
-            f"The {of.what} follows {of.along} with a memory of {of.values['tau']:.4g} s: it"
-            f" {of.slope('c1')} of what {of.along} was."
+        sentence=lambda it: (
+            f"The {it.what} follows {it.along} with a memory of {it.values['tau']:.4g} s: it"
+            f" {it.slope('c1')} of what {it.along} was."
         ),
         memory="lag",
     ),
-    "smooth_step": _any("change·(1 + tanh(({x} − at)/width))/2", lambda u: 0.5 * (1.0 + np.tanh(u))),
-    "smooth_plateau": _any(
+    "smooth_step": _of_u("change·(1 + tanh(({x} − at)/width))/2", lambda u: 0.5 * (1.0 + np.tanh(u))),
+    "smooth_plateau": _of_u(
         "change·(tanh(4·({x} − at)/width + 4) − tanh(4·({x} − at)/width − 4))/2",
         lambda u: 0.5 * (np.tanh(4.0 * u + 4.0) - np.tanh(4.0 * u - 4.0)),
     ),
-    "double_bump": _any(
+    "double_bump": _of_u(
         "change·(exp(−½·(({x} − at)/width)²) − 0.7·exp(−½·(({x} − at)/width − 4)²))",
         lambda u: np.exp(-0.5 * u**2) - 0.7 * np.exp(-0.5 * (u - 4.0) ** 2),
     ),
-    "root": _any("change·√(max({x} − at, 0)/width)", lambda u: np.sqrt(np.maximum(u, 0.0))),
-    "growth": _any("change·exp(({x} − at)/width)", np.exp),
-    "curved": _any("change·((({x} − at)/width)³ − ({x} − at)/width)", lambda u: u**3 - u),
-    "sawtooth": _any("change·(2·({x}/width mod 1) − 1)", lambda u: 2.0 * np.mod(u, 1.0) - 1.0),
-    "rectified": _any("change·|sin(π·({x} − at)/width)|", lambda u: np.abs(np.sin(math.pi * u))),
-    "chirp": _any("change·sin(2π·(u + u²/8)), u = ({x} − at)/width", lambda u: np.sin(math.tau * (u + 0.125 * u**2))),
+    "root": _of_u("change·√(max({x} − at, 0)/width)", lambda u: np.sqrt(np.maximum(u, 0.0))),
+    "growth": _of_u("change·exp(({x} − at)/width)", np.exp),
+    "curved": _of_u("change·((({x} − at)/width)³ − ({x} − at)/width)", lambda u: u**3 - u),
+    "sawtooth": _of_u("change·(2·({x}/width mod 1) − 1)", lambda u: 2.0 * np.mod(u, 1.0) - 1.0),
+    "rectified": _of_u("change·|sin(π·({x} − at)/width)|", lambda u: np.abs(np.sin(math.pi * u))),
+    "chirp": _of_u("change·sin(2π·(u + u²/8)), u = ({x} − at)/width", lambda u: np.sin(math.tau * (u + 0.125 * u**2))),
 }

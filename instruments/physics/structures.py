@@ -33,7 +33,7 @@ from benchctl_instruments.physics.effects.draws import normals
 from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect, Role
 from benchctl_instruments.physics.effects.thermal_hysteresis import play
 from benchctl_instruments.physics.structure_places import ACTS, OVER, Span, StructureStage, last_sign
-from benchctl_instruments.physics.structure_shapes import SHAPES, Said
+from benchctl_instruments.physics.structure_shapes import SHAPES, ShapeInWords
 
 _EVERYWHERE: Span = (-1e12, 1e12)
 _ARCSEC = 3600.0
@@ -162,7 +162,8 @@ class Structure(PhysicalEffect):
 
     def says(self) -> str:
         """Return a sentence that describes the structure with its values."""
-        return SHAPES[self.shape].says(Said(stage=self.acts_on, over=self.over, times=self.times, values=self.values))
+        in_words = ShapeInWords(stage=self.acts_on, over=self.over, times=self.times, values=self.values)
+        return SHAPES[self.shape].sentence(in_words)
 
 
 def lagged(

@@ -155,9 +155,9 @@ def _along(steps: Sequence[ComparedStep], names: Sequence[str], coordinate: str,
     )
 
 
-def _excerpts(steps: Sequence[ComparedStep], told: Sequence[StepParting], first: str) -> Iterator[Excerpt]:
+def _excerpts(steps: Sequence[ComparedStep], differences: Sequence[StepParting], first: str) -> Iterator[Excerpt]:
     """Yield the excerpts of the steps with the largest differences, one of each kind before a second of any."""
-    by_size = sorted(range(len(steps)), key=lambda index: -told[index].rms_v[first])
+    by_size = sorted(range(len(steps)), key=lambda index: -differences[index].rms_v[first])
     furthest = list({steps[index].kind: index for index in reversed(by_size)}.values())
     others = [index for index in by_size if index not in furthest]
     for index in [*sorted(furthest, key=by_size.index), *others][:_EXCERPTS]:

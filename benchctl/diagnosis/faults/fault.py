@@ -43,7 +43,7 @@ class FoundFaults:
 
     `masked` (n,) are the rows of all `found` faults and rows that are spoilt without being a finding. In the `standing`
     rows (n,) among them, held or at a rail, the output contains no information. `step_v` is the step of the values, 0
-    if none is visible. Each value stands in `rows_per_value` rows, of which the first is used.
+    if none is visible. Each value is repeated in `rows_per_value` rows, of which the first is used.
     """
 
     found: tuple[Fault, ...]

@@ -11,7 +11,7 @@ from benchctl.diagnosis.findings.located import left_of
 from benchctl.diagnosis.result import FitFigures
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.stepped import PartProblem
-from benchctl.estimation.disturbance import disturbance_beside
+from benchctl.estimation.disturbance import disturbance_of_fit
 from benchctl.estimation.noise_model import between_rows
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
@@ -51,7 +51,7 @@ def noise_of(problem: PartProblem, chosen: Selection) -> float | None:
     if problem.step.size == len(problem.step_names):
         return _scatter_of_replicates(problem.measured[counted], problem.coordinates["rate"][counted])
     if problem.disturbed:
-        return disturbance_beside(problem, chosen.after).white
+        return disturbance_of_fit(problem, chosen.after).white
     resting = np.array([kind == "static" for kind in problem.step_kinds])[problem.step] & counted
     at_rest = _about_lines(problem, resting)
     return at_rest if at_rest is not None else between_rows(problem, chosen.after.residual) or None

@@ -61,7 +61,7 @@ def _effects(problem: PartProblem, chosen: Selection) -> Iterator[Finding]:
 
 def estimates_of(problem: PartProblem, chosen: Selection) -> Iterator[tuple[str, DescribedEffect, dict[str, Estimate]]]:
     """Yield every effect of the model with its key and its parameters with intervals."""
-    fitted = chosen.whole
+    fitted = chosen.full
     errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
     for place, (key, effect) in enumerate(zip(keys_of(fitted.point.effects), fitted.point.effects, strict=True)):
         estimates: dict[str, Estimate] = {}

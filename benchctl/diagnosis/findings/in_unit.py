@@ -32,7 +32,7 @@ def not_found_in(one: NotFound, unit: str, part: Part) -> NotFound:
 
 def unexplained_in(one: Unexplained, unit: str, part: Part) -> Unexplained:
     """Return the unexplained part in `unit`; for a drive or chamber with "offset" for "bias" and its own output."""
-    one = replace(one, says=said_of(one.says, part))
+    one = replace(one, says=in_terms_of(one.says, part))
     if unit == _OWN[part]:
         return one
     models = tuple(
@@ -42,19 +42,19 @@ def unexplained_in(one: Unexplained, unit: str, part: Part) -> Unexplained:
     return replace(one, says=text_in(one.says, unit), models=models)
 
 
-def said_of(said: str, part: Part) -> str:
+def in_terms_of(text: str, part: Part) -> str:
     """Return a sentence about a residual with the terms of its part."""
     if part == "gyro":
-        return said
-    return said.replace("a bias", "an offset").replace("the bias", "the offset").replace("the output", _OUTPUTS[part])
+        return text
+    return text.replace("a bias", "an offset").replace("the bias", "the offset").replace("the output", _OUTPUTS[part])
 
 
 def pieces_in_time(one: Unexplained) -> Unexplained:
     """Return the unexplained part with "step" replaced by "time", for steps that are pieces of one recorded step."""
     coordinates = dict.fromkeys(word.replace("step", "time") for word in one.coordinates)
-    says = one.says.replace("the steps", "time").replace("with the step", "with time")
-    says = says.replace(" This recording does not part it from time.", "")
-    return replace(one, coordinates=tuple(coordinates), says=says)
+    text = one.says.replace("the steps", "time").replace("with the step", "with time")
+    text = text.replace(" This recording does not part it from time.", "")
+    return replace(one, coordinates=tuple(coordinates), says=text)
 
 
 def estimates_in(estimates: Mapping[str, Estimate], unit: str) -> Mapping[str, Estimate]:
@@ -62,10 +62,10 @@ def estimates_in(estimates: Mapping[str, Estimate], unit: str) -> Mapping[str, E
     return {name: replace(value, unit=unit_in(value.unit, unit)) for name, value in estimates.items()}
 
 
-def text_in(said: str, unit: str) -> str:
+def text_in(text: str, unit: str) -> str:
     """Return a sentence with its voltages in another unit, to three digits, and its torque units replaced."""
-    said = _VOLTS.sub(lambda found: f"{found[1]}{float(found[2]) * _FACTORS[found[3]]:.3g} {unit}", said)
-    return said.replace("N·m", unit)
+    text = _VOLTS.sub(lambda found: f"{found[1]}{float(found[2]) * _FACTORS[found[3]]:.3g} {unit}", text)
+    return text.replace("N·m", unit)
 
 
 def unit_in(stated: str, unit: str) -> str:

@@ -23,13 +23,13 @@ def baseline_of(problem: PartProblem, chosen: Selection) -> dict[str, Estimate]:
     An interval is limited to the plausible range. A parameter that the recording does not determine has an interval
     equal to that range, or an unlimited one if a lab's model states the parameter.
     """
-    errors = (Z95 * np.sqrt(np.diag(chosen.whole.robust_covariance(problem.step)))).tolist()
+    errors = (Z95 * np.sqrt(np.diag(chosen.full.robust_covariance(problem.step)))).tolist()
     errors = [error if error > 0.0 else math.inf for error in errors]
     bounds = problem.baseline_bounds
     columns = zip(
         problem.baseline_names,
         problem.baseline_units,
-        chosen.whole.point.baseline.tolist(),
+        chosen.full.point.baseline.tolist(),
         errors,
         problem.baseline_start.tolist(),
         strict=False,

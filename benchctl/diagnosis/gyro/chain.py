@@ -94,7 +94,7 @@ class GyroChain:
 
         The array is read-only because it may be a cached result.
         """
-        request = _Asked(
+        request = _Request(
             baseline=baseline,
             moving=tuple(effect for effect in effects if _is_of_motion(effect)),
             others=tuple(effect for effect in effects if not _is_of_motion(effect)),
@@ -119,62 +119,62 @@ class GyroChain:
     def _filters(self) -> Filters:
         return Filters([part.rows for part in self._stacked[0].stretches], self.frame.interval_s)
 
-    def _biased(self, asked: _Asked) -> Signals:
+    def _biased(self, request: _Request) -> Signals:
         """Return the signals before the sampling. A stage without effects returns its input."""
 
         def with_bias() -> Signals:
-            bias_v = asked.baseline[1] - asked.baseline[0] * self.earth_dps
-            scaled = self._scaled(asked)
+            bias_v = request.baseline[1] - request.baseline[0] * self.earth_dps
+            scaled = self._scaled(request)
             return replace(scaled, output_v=scaled.output_v + bias_v)
 
-        values = tuple(asked.baseline.tolist())
-        signals = self._remembered("U0", (asked.until("scale"), values), with_bias)
+        values = tuple(request.baseline.tolist())
+        signals = self._remembered("U0", (request.until("scale"), values), with_bias)
         for stage in ("bias", "electronics"):
-            signals = self._after(stage, asked, signals, values)
+            signals = self._after(stage, request, signals, values)
         return signals
 
-    def _scaled(self, asked: _Asked) -> Signals:
+    def _scaled(self, request: _Request) -> Signals:
         """Return the volts of the law without the bias, with the effects of the scale stage."""
-        K0, _, *terms = asked.baseline.tolist()
+        K0, _, *terms = request.baseline.tolist()
         values = (K0, *terms)
 
         def rated() -> Signals:
-            warm = self._warmed(asked)
-            return replace(warm, output_v=self.law.volts(asked.baseline, warm.sensed_rate_dps, warm.coil_c))
+            warm = self._warmed(request)
+            return replace(warm, output_v=self.law.volts(request.baseline, warm.sensed_rate_dps, warm.coil_c))
 
-        signals = self._remembered_in(self._volts, (asked.until("coil_temperature"), values), rated)
-        return self._after("scale", asked, signals, values)
+        signals = self._remembered_in(self._volts, (request.until("coil_temperature"), values), rated)
+        return self._after("scale", request, signals, values)
 
-    def _warmed(self, asked: _Asked) -> Signals:
+    def _warmed(self, request: _Request) -> Signals:
         """Return the signals with the rate and the temperature of the coil."""
 
         def with_earth() -> Signals:
-            signals = self._remembered("table", asked.moving, lambda: self._moved(asked.moving))
-            signals = self._after("motion", asked, signals)
+            signals = self._remembered("table", request.moving, lambda: self._moved(request.moving))
+            signals = self._after("motion", request, signals)
             return replace(signals, sensed_rate_dps=signals.sensed_rate_dps + self.earth_dps)
 
-        signals = self._remembered("Earth", asked.until("motion"), with_earth)
-        return self._heated(asked, self._after("sensed_rate", asked, signals))
+        signals = self._remembered("Earth", request.until("motion"), with_earth)
+        return self._heated(request, self._after("sensed_rate", request, signals))
 
-    def _heated(self, asked: _Asked, signals: Signals) -> Signals:
+    def _heated(self, request: _Request, signals: Signals) -> Signals:
         """Return the signals with the coil temperature under its effects; the motion has no influence on it."""
-        own = tuple(effect for effect in asked.others if effect.stage == "coil_temperature")
+        own = tuple(effect for effect in request.others if effect.stage == "coil_temperature")
         if not own:
             return signals
 
         def heated() -> Signals:
-            of_table = self._remembered("table", asked.clocks, lambda: self._moved(asked.clocks))
+            of_table = self._remembered("table", request.clocks, lambda: self._moved(request.clocks))
             return self._through("coil_temperature", of_table, own)
 
-        warm = self._remembered("coil_temperature", (asked.clocks, own), heated)
+        warm = self._remembered("coil_temperature", (request.clocks, own), heated)
         return replace(signals, coil_c=warm.coil_c, coil_rate_c_per_s=warm.coil_rate_c_per_s)
 
-    def _after(self, stage: Stage, asked: _Asked, signals: Signals, values: tuple[float, ...] = ()) -> Signals:
+    def _after(self, stage: Stage, request: _Request, signals: Signals, values: tuple[float, ...] = ()) -> Signals:
         """Apply the effects of a stage to signals that depend on these `values` of the baseline."""
-        own = [effect for effect in asked.others if effect.stage == stage]
+        own = [effect for effect in request.others if effect.stage == stage]
         if not own:
             return signals
-        return self._remembered(stage, (asked.until(stage), values), lambda: self._through(stage, signals, own))
+        return self._remembered(stage, (request.until(stage), values), lambda: self._through(stage, signals, own))
 
     def _remembered(self, name: str, key: Hashable, make: Callable[[], Signals]) -> Signals:
         return self._remembered_in(self._kept.setdefault(name, {}), key, make)
@@ -266,7 +266,7 @@ def _is_of_motion(effect: PhysicalEffect) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
+class _Request:
     """A request: parameters (p,), effects that change the recorded motion, and the other effects."""
 
     baseline: FloatArray

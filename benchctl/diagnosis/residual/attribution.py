@@ -15,15 +15,15 @@ from benchctl.diagnosis.residual.residual_structure import (
     instead_of,
     lack_of_fit,
     of_the_motion,
-    residual_structure_beside,
     residual_structure_of,
+    residual_structure_with_disturbance,
     withdrawn,
 )
 from benchctl.diagnosis.result import Unexplained
 from benchctl.diagnosis.search.select import reduced, settled_again, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.stepped import PartProblem
-from benchctl.estimation.disturbance import beside_disturbance
+from benchctl.estimation.disturbance import whitened_for_disturbance
 from benchctl.estimation.fit import Fit, fit, gain_of
 from benchctl.estimation.wandering import PROCESSES
 from benchctl_instruments.arrays import BoolArray
@@ -46,7 +46,7 @@ def named(
     findings were `contested` and no other model does as well, only those small relative to the residual are withdrawn.
     """
     if problem.disturbed:
-        return chosen, _beside_disturbance(problem, chosen), ()
+        return chosen, _unexplained_with_disturbance(problem, chosen), ()
     chosen, noted = without_the_tables_own(problem, chosen)
     for _ in range(_ROUNDS):
         rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
@@ -54,11 +54,11 @@ def named(
             return chosen, NOTHING, noted
         if rest.power < _ROUNDED * rounding_v2:
             return chosen, NOTHING, (f"{rest.says} It is small enough to be caused by the converter's steps.",)
-        judged = rest if problem.in_motion else _beside_time(rest, chosen.after)
+        judged = rest if problem.in_motion else _without_time(rest, chosen.after)
         less = {name: without(problem, chosen, *shared) for name, shared in _shared(chosen).items()}
         agreed = _agreed(problem, chosen)
         noises = _noises(chosen, rest)
-        gains = {name: _beside(judged, chosen.after, one) for name, one in less.items()} | noises
+        gains = {name: _explained_power(judged, chosen.after, one) for name, one in less.items()} | noises
         instead = dict.fromkeys(agreed, 0.0)
         for name, one in less.items():
             if name not in agreed:
@@ -74,7 +74,7 @@ def named(
         chosen = settled_again(problem, reduced(problem, chosen, forbidden), fallen, seed=seed)
     if problem.in_motion:
         chosen = _as_uncertain(chosen, rest)
-    all_gains = {name: _beside(rest, chosen.after, one) for name, one in less.items()} | noises
+    all_gains = {name: _explained_power(rest, chosen.after, one) for name, one in less.items()} | noises
     if imperfect(all_gains, rest, instead):
         return chosen, NOTHING, (f"{rest.says} It is small enough to be an error in the model of the findings.",)
     before = fit(problem, chosen.noise.plain, chosen.before.point, chosen.before.fitted)
@@ -149,18 +149,18 @@ def _shared(chosen: Selection) -> dict[str, tuple[str, ...]]:
     }
 
 
-def _beside_disturbance(problem: PartProblem, chosen: Selection) -> Unexplained:
+def _unexplained_with_disturbance(problem: PartProblem, chosen: Selection) -> Unexplained:
     """Return what is unexplained in addition to a disturbance; every finding has already competed with it."""
-    after = beside_disturbance(problem, chosen.after)
-    rest = residual_structure_beside(problem, after.whitener, after)
+    after = whitened_for_disturbance(problem, chosen.after)
+    rest = residual_structure_with_disturbance(problem, after.whitener, after)
     if not rest.significant:
         return NOTHING
     before = fit(problem, after.whitener, chosen.before, chosen.before.fitted, rounds=0)
-    share = rest.share_of(residual_structure_beside(problem, after.whitener, before))
+    share = rest.share_of(residual_structure_with_disturbance(problem, after.whitener, before))
     return Unexplained(significant=True, share=share, coordinates=rest.coordinates, says=rest.says)
 
 
-def _beside(rest: ResidualStructure, fitted: Fit, less: Fit) -> float:
+def _explained_power(rest: ResidualStructure, fitted: Fit, less: Fit) -> float:
     """Return the power that a finding explains, on the scale of the gain of the residual structure."""
     return _by_power(rest, fitted, less.squares - fitted.squares)
 
@@ -181,7 +181,7 @@ def _in_rows(problem: PartProblem, fitted: Fit, less: Fit) -> float:
     return max(fitted.rows * math.log(bad / good), 0.0)
 
 
-def _beside_time(rest: ResidualStructure, fitted: Fit) -> ResidualStructure:
+def _without_time(rest: ResidualStructure, fitted: Fit) -> ResidualStructure:
     """Return the residual structure along coordinates other than time and step, for a drive or a chamber.
 
     These change state only once or twice per recording: time and step follow any residual and argue against no finding.

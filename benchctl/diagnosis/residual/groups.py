@@ -170,7 +170,7 @@ def _of_angle(
     yield Group(
         words=("angle*gyro_temp",),
         form="a dependence on the table's angle that grows with the gyro's temperature",
-        columns=lambda: _beside(_ring(angle, knots // 2, warm), _ring(angle, knots // 2, warm * share)),
+        columns=lambda: _side_by_side(_ring(angle, knots // 2, warm), _ring(angle, knots // 2, warm * share)),
         along=angle,
     )
 
@@ -216,7 +216,7 @@ def _levels(values: FloatArray, factor: FloatArray | None) -> scipy.sparse.csr_a
     return scipy.sparse.csr_array((data, place, ends), shape=(values.size, int(place.max()) + 1))
 
 
-def _beside(first: scipy.sparse.csr_array, second: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+def _side_by_side(first: scipy.sparse.csr_array, second: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
     return scipy.sparse.csr_array(scipy.sparse.hstack([first, second], format="csr"))
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from benchctl.diagnosis.residual.events import bump, jump, lines
 from benchctl.diagnosis.residual.groups import Group, groups_of
-from benchctl.diagnosis.residual.score_test import Columns, ScoreTest, Seen, for_entries
+from benchctl.diagnosis.residual.score_test import Columns, Score, ScoreTest, for_entries
 from benchctl.diagnosis.result import COORDINATE_UNITS
 from benchctl.diagnosis.stepped import PartProblem
 from benchctl.side_by_side import shared_out
@@ -38,7 +38,7 @@ NOISES = ("bias_random_walk", "flicker_noise")
 
 _HALF = 0.5
 """Minimum share of a finding's gain that a coordinate must reach in its place for the finding to be doubted."""
-_OWED = 100.0
+_ATTRIBUTABLE = 100.0
 """The residual is attributed to a finding's model if the finding explains so much more: ten times in amplitude."""
 _AS_GOOD = 0.02
 """Maximum relative deficit in gain for another coordinate to be named together with the best."""
@@ -141,7 +141,7 @@ class View:
 
     looked: tuple[Looked, ...]
     group: Group
-    seen: Seen
+    score: Score
     rows: float
 
 
@@ -176,7 +176,7 @@ def _residual_structure_of(problem: PartProblem, whitener: Whitens, fit: Fitted,
     return _told(problem, look(white, _groups(problem, fit, white, slow=True), _through(whitener)), noise_gain)
 
 
-def residual_structure_beside(problem: PartProblem, whitener: Whitens, fit: Fitted) -> ResidualStructure:
+def residual_structure_with_disturbance(problem: PartProblem, whitener: Whitens, fit: Fitted) -> ResidualStructure:
     """Return the residual structure in addition to a known disturbance, which the whitener makes white."""
     rows = fit.fitted[problem.step] & (whitener.weight > 0.0)
     white = ScoreTest(fit.white, fit.derivatives, rows)
@@ -187,7 +187,7 @@ def _is_for_noise(structure: View, plain: ScoreTest, whitener: Whitens, noise_ga
     """Return whether a structure explains as much as slow noise and leaves nothing for it to explain."""
     if max(one.promise for one in structure.looked) <= noise_gain:
         return False
-    left = plain.without(structure.seen.profile)
+    left = plain.without(structure.score.profile)
     weight = whitener.weight
     unweighted = np.divide(left.white, weight, out=np.zeros_like(left.white), where=weight > 0.0)
     white = whitener(unweighted) * plain.rows
@@ -260,15 +260,15 @@ def of_the_motion(*coordinates: str) -> bool:
     return {word for one in coordinates for word in one.split("*")} <= _OF_MOTION
 
 
-def is_owed(rest: ResidualStructure, gain: float) -> bool:
+def is_attributable(rest: ResidualStructure, gain: float) -> bool:
     """Return whether the residual gains so little relative to `gain` that a finding's model may have caused it."""
-    return gain >= _OWED * rest.gain
+    return gain >= _ATTRIBUTABLE * rest.gain
 
 
 def imperfect(gains: Mapping[str, float], rest: ResidualStructure, instead: Mapping[str, float] | None = None) -> bool:
     """Return whether the residual is small enough to be attributed to the model of a finding that is kept."""
     standing = set(gains) - set(withdrawn(gains, rest, instead)) - set(NOISES)
-    return rest.significant and any(is_owed(rest, gains[name]) for name in standing)
+    return rest.significant and any(is_attributable(rest, gains[name]) for name in standing)
 
 
 def is_plain(whitener: Whitens, seed: int) -> bool:
@@ -280,8 +280,8 @@ def is_plain(whitener: Whitens, seed: int) -> bool:
 def look(left: ScoreTest, groups: Iterable[Group], whitened: Whitened) -> View:
     """Test the residual along every group's coordinate."""
 
-    def look_along(group: Group) -> tuple[Looked, Group, Seen]:
-        score = left.seen(whitened(group.columns()))
+    def look_along(group: Group) -> tuple[Looked, Group, Score]:
+        score = left.score(whitened(group.columns()))
         places = math.log(group.places)
         one = Looked(
             words=group.words,
@@ -295,14 +295,14 @@ def look(left: ScoreTest, groups: Iterable[Group], whitened: Whitened) -> View:
         return one, group, score
 
     looked: list[Looked] = []
-    chosen: tuple[Looked, Group, Seen] | None = None
+    chosen: tuple[Looked, Group, Score] | None = None
     for found in shared_out(look_along, groups):
         looked.append(found[0])
         if chosen is None or _rank(found[0]) > _rank(chosen[0]):
             chosen = found
     if chosen is None:
         raise ValueError("nothing to look at: no group of coordinates")
-    return View(looked=tuple(looked), group=chosen[1], seen=chosen[2], rows=float(left.rows.sum()))
+    return View(looked=tuple(looked), group=chosen[1], score=chosen[2], rows=float(left.rows.sum()))
 
 
 def threshold_of(looked: int) -> float:
@@ -372,7 +372,7 @@ def _told(problem: PartProblem, view: View, noise_gain: float) -> ResidualStruct
         coordinates=named,
         form=best.form,
         ranges=ranges,
-        power=view.seen.drop / max(view.rows, 1.0),
+        power=view.score.drop / max(view.rows, 1.0),
         noise_gain=noise_gain,
         for_noise=False,
         says=_says(best, named, ranges, problem.unit) if significant else "",
@@ -395,7 +395,7 @@ def _ranges(view: View) -> tuple[tuple[float, float], ...]:
     if along is None:
         return ()
     edges = np.linspace(float(along.min()), float(along.max()), _CELLS + 1)
-    held = np.bincount(bin_of(along, edges), view.seen.profile**2, minlength=_CELLS)
+    held = np.bincount(bin_of(along, edges), view.score.profile**2, minlength=_CELLS)
     sums = np.concatenate([[0.0], np.cumsum(held)]) / max(float(held.sum()), 1e-300)
     for length in range(1, _CELLS // 2 + 1):
         shares = sums[length:] - sums[:-length]

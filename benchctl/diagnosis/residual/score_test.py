@@ -35,7 +35,7 @@ _DEPENDENT = 1e-5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class Score:
     """What columns would explain of the residual.
 
     `gain` is in twice the log likelihood, `drop` the fall of the sum of squares, `dof` the number of directions of the
@@ -87,7 +87,7 @@ class ScoreTest:
         other.freedom = self.freedom
         return other
 
-    def seen(self, columns: Columns) -> Seen:
+    def score(self, columns: Columns) -> Score:
         """Return what whitened columns, shape (n, k), sparse or dense, would explain in addition to the fit.
 
         The columns are modified in place: rows that do not count are set to zero.
@@ -100,7 +100,7 @@ class ScoreTest:
         root = _root(each_other, crossed @ self.inverse @ crossed.T)
         dof = root.shape[1]
         if dof == 0 or self.squares <= 0.0:
-            return Seen(gain=0.0, drop=0.0, dof=0, log_p=0.0, inflation=1.0, profile=np.zeros_like(self.white))
+            return Score(gain=0.0, drop=0.0, dof=0, log_p=0.0, inflation=1.0, profile=np.zeros_like(self.white))
         scores = root.T @ products
         weights = root @ scores
         drop = float(scores @ scores)
@@ -111,7 +111,7 @@ class ScoreTest:
         mean, square = float(np.trace(scatter)), float(np.sum(scatter * scatter))
         freedom = min(mean * mean / square, float(dof))
         scale = max(1.0, square / mean, dof / freedom)
-        return Seen(
+        return Score(
             gain=self.gain(drop),
             drop=drop,
             dof=dof,

@@ -89,7 +89,7 @@ class Models:
         probes = [probe for probe in (*self._probes, *proposed) if kinds is None or probe.identifier in kinds]
         done = itertools.count()
 
-        def told(name: str) -> None:
+        def report(name: str) -> None:
             self._progress(name, shares[0] + (shares[1] - shares[0]) * next(done) / len(probes))
 
         return screen(
@@ -99,7 +99,7 @@ class Models:
             probes,
             seed=self._seed,
             threshold=self._threshold,
-            progress=told,
+            progress=report,
         )
 
     def _fit(self, start: Point | Fit) -> Fit:
@@ -112,12 +112,12 @@ class Models:
         rest = tuple(one for one in present.point.effects if place_of(one) not in gone)
         return self._fit(Point(baseline=present.point.baseline, effects=rest))
 
-    def _least(self, beside: Fit) -> float:
+    def _least(self, present: Fit) -> float:
         """Return the gain that a further effect needs to exceed chance and the errors of the present effects."""
         if self._bare is None or self._bare[0] is not self._noise.whitener:
-            self._bare = self._noise.whitener, self._fit(Point(baseline=beside.point.baseline)).light
-        explained = max(gain_of(beside, self._bare[1]), 0.0) if beside.point.effects else 0.0
-        rounded = _ROUNDED * beside.rows * self._rounding_v2 / beside.deviation**2
+            self._bare = self._noise.whitener, self._fit(Point(baseline=present.point.baseline)).light
+        explained = max(gain_of(present, self._bare[1]), 0.0) if present.point.effects else 0.0
+        rounded = _ROUNDED * present.rows * self._rounding_v2 / present.deviation**2
         return (self._threshold or 0.0) + IMPERFECT**2 * explained + rounded
 
     def _with(self, present: Fit, scored: Scored) -> Tried:

@@ -132,9 +132,9 @@ def _is_one_line(pull: Pull, time_s: FloatArray, group: IntArray, frequency_hz: 
     return apart < max(chance, _UNEVEN * together)
 
 
-def _explained(power: FloatArray, seen: FloatArray) -> float:
-    """Return the gain of a cosine and a sine with Gram matrix `power` (2, 2) and residual products `seen` (2,)."""
-    return float(seen @ inverse(power) @ seen)
+def _explained(power: FloatArray, products: FloatArray) -> float:
+    """Return the gain of a cosine and a sine with Gram matrix `power` (2, 2) and residual products `products` (2,)."""
+    return float(products @ inverse(power) @ products)
 
 
 def _variance(time_s: FloatArray, weight: FloatArray) -> float:

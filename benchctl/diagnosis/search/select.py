@@ -116,7 +116,7 @@ def reduced(problem: PartProblem, chosen: Selection, keys: Collection[str]) -> S
     return replace(
         chosen,
         after=after,
-        whole=with_disturbance(problem, fitted(chosen.whole)),
+        full=with_disturbance(problem, fitted(chosen.full)),
         noise=noise,
         evidence=dict(zip(keys_of(after.point.effects), kept, strict=True)),
     )
@@ -134,8 +134,8 @@ def without_nothing(problem: PartProblem, chosen: Selection) -> Selection:
     """
 
     def findings() -> list[int]:
-        effects = chosen.whole.point.effects
-        return [place for place in may_be_nothing(problem, chosen.whole) if not isinstance(effects[place], Structure)]
+        effects = chosen.full.point.effects
+        return [place for place in may_be_nothing(problem, chosen.full) if not isinstance(effects[place], Structure)]
 
     while places := findings():
         chosen = reduced(problem, chosen, {list(chosen.evidence)[min(places)]})
@@ -259,7 +259,7 @@ class Search(Models):
         return Selection(
             before=before.light,
             after=present,
-            whole=self._whole(present),
+            full=self._full(present),
             noise=self._noise,
             screening=screening,
             evidence=evidence,
@@ -275,9 +275,9 @@ class Search(Models):
         while (worse := _not_to_state(self._problem, present, evidence)) is not None:
             self._refused.add(place_of(worse))
             present, evidence = self._settled(self._without(present, worse))
-        return replace(chosen, after=present, whole=self._whole(present), evidence=evidence)
+        return replace(chosen, after=present, full=self._full(present), evidence=evidence)
 
-    def _whole(self, present: Fit) -> Fit:
+    def _full(self, present: Fit) -> Fit:
         everything = np.ones_like(self._fitted)
         return fit(self._problem, self._noise.whitener, present, everything) if self._held.any() else present
 

@@ -40,13 +40,13 @@ class Evidence:
 class Selection:
     """The chosen models. `before` has the baseline alone, `after` the findings; neither used the held-out steps.
 
-    `whole` is fitted to all steps. `evidence` has the keys of `after.point.effects`, in their order; `noise` is the
+    `full` is fitted to all steps. `evidence` has the keys of `after.point.effects`, in their order; `noise` is the
     noise model with its whitener; `least` is the gain that a further effect would have needed.
     """
 
     before: Fit
     after: Fit
-    whole: Fit
+    full: Fit
     noise: NoiseModel
     screening: Screening
     evidence: Mapping[str, Evidence]

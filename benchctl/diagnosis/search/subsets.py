@@ -36,7 +36,7 @@ from benchctl_instruments.arrays import BoolArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.structures import Structure
 
-_MOST, _MOST_BESIDE = 3, 2
+_MOST, _MOST_WITH_FIXED = 3, 2
 """Maximum number of effects in a set, without and with structures in the model."""
 _LOOKED, _PLACES = 2, 3
 """For sets with fewer effects, a screening proposes the starts of one more effect; number of starts per effect."""
@@ -51,13 +51,13 @@ _Names = tuple[str, ...]
 
 
 def select_subset(
-    problem: PartProblem, *, seed: int, progress: Callable[[str, float], None], beside: tuple[Structure, ...] = ()
+    problem: PartProblem, *, seed: int, progress: Callable[[str, float], None], fixed: tuple[Structure, ...] = ()
 ) -> Selection:
     """Find the likeliest of all small sets of effects of a `disturbed` problem in which every effect is needed.
 
-    `beside` are structures that are part of every model.
+    `fixed` are structures that are part of every model.
     """
-    return _Subsets(problem, progress, beside).selection(seed)
+    return _Subsets(problem, progress, fixed).selection(seed)
 
 
 def price_of(problem: PartProblem, effect: DescribedEffect | None = None) -> float:
@@ -68,7 +68,7 @@ def price_of(problem: PartProblem, effect: DescribedEffect | None = None) -> flo
     return float(chdtri(max(free, 1), CHANCE / (places * max(len(problem.effects), 1))))
 
 
-def evidence_beside(problem: PartProblem, fitted: Fit, effect: DescribedEffect, heldout: BoolArray) -> Evidence:
+def evidence_for(problem: PartProblem, fitted: Fit, effect: DescribedEffect, heldout: BoolArray) -> Evidence:
     """Return the evidence for an effect of a fit, compared with the fit without it."""
     others = tuple(one for one in fitted.point.effects if one is not effect)
     less = fit(problem, fitted.whitener, replace(fitted.point, effects=others), fitted.fitted)
@@ -84,18 +84,18 @@ class _Subsets:
     """The sets of effects that were fitted, by their names."""
 
     def __init__(
-        self, problem: PartProblem, progress: Callable[[str, float], None], beside: tuple[Structure, ...]
+        self, problem: PartProblem, progress: Callable[[str, float], None], fixed: tuple[Structure, ...]
     ) -> None:
         self._problem = problem
         self._held = held_out_steps(problem)
         self._untouched = Point(baseline=problem.baseline_start)
         noise = NoiseModel.of(problem)
         self._noise = noise.levelled(problem, fit(problem, noise.whitener, self._untouched, ~self._held))
-        self._tried: dict[_Names, Fit] = {(): self._fit(replace(self._untouched, effects=beside))}
+        self._tried: dict[_Names, Fit] = {(): self._fit(replace(self._untouched, effects=fixed))}
         self._scores: dict[_Names, float] = {}
         self._probes = [probe for kind in problem.effects.values() for probe in probes_of(problem, kind)]
         kinds = sorted(problem.effects)
-        most = _MOST_BESIDE if beside else _MOST
+        most = _MOST_WITH_FIXED if fixed else _MOST
         for size in range(1, most + 1):
             sets = list(itertools.combinations(kinds, size))
             self._try(sets, progress, (_SEARCHED * (size - 1) / most, _SEARCHED * size / most))
@@ -113,7 +113,7 @@ class _Subsets:
         return Selection(
             before=fit(problem, self._noise.plain, self._untouched, ~self._held),
             after=after,
-            whole=with_disturbance(problem, fitted),
+            full=with_disturbance(problem, fitted),
             noise=self._noise,
             screening=screening,
             evidence=dict(zip(keys_of(after.point.effects), self._evidence(names, after), strict=True)),
@@ -231,7 +231,7 @@ class _Subsets:
     def _evidence(self, names: _Names, fitted: Fit) -> Iterator[Evidence]:
         for effect in fitted.point.effects:
             if isinstance(effect, Structure):
-                yield evidence_beside(self._problem, fitted, effect, self._held)
+                yield evidence_for(self._problem, fitted, effect, self._held)
             else:
                 yield self._of_name(names, effect)
 

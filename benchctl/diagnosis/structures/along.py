@@ -39,8 +39,8 @@ _PHASES = 48
 _FEWEST_CYCLES, _MOST_CYCLES, _CYCLES, _CYCLE_PHASES = 3.0, 25.0, 90, 12
 _POWERS = (0.4, 0.6, 1.5, 2.0, 3.0)
 _SIGNS = ("negative", "positive", "either")
-_BETWEEN_WAYS = np.array([-1.5, -0.5, 0.5, 1.5])
-_BETWEEN_WAYS = np.array([-1.5, -0.5, 0.5, 1.5])
+_BETWEEN_DIRECTIONS = np.array([-1.5, -0.5, 0.5, 1.5])
+_BETWEEN_DIRECTIONS = np.array([-1.5, -0.5, 0.5, 1.5])
 _CURVES = ("spline6", "spline12", "spline24")
 _ALONG = (
     "step",
@@ -108,7 +108,7 @@ class Begun:
 def everywhere(alongs: Sequence[Along]) -> Iterator[Begun]:
     """Yield the best place of each shape, for each of several sums over the same bins of one coordinate."""
     over, span = alongs[0].place[1], alongs[0].span
-    if OVER[over].ways is not None:
+    if OVER[over].directions is not None:
         shapes: tuple[str, ...] = _SIGNS
     else:
         shapes = (*_ALONG, *(("exponential",) if over == "time" else ()))
@@ -204,7 +204,7 @@ class Along:
     ) -> list[Along]:
         """Return the sums for functions of a coordinate's `values`, times each factor in the same row; (n,) each."""
         over = next(iter(factors))[1]
-        edges = np.linspace(*span, _BINS + 1) if OVER[over].ways is None else _BETWEEN_WAYS
+        edges = np.linspace(*span, _BINS + 1) if OVER[over].directions is None else _BETWEEN_DIRECTIONS
         bins = bin_of(np.clip(values, *span), edges)
 
         def summed(of: FloatArray) -> FloatArray:

@@ -17,13 +17,13 @@ from scipy.special import chdtri
 
 from benchctl.diagnosis.chamber.problem import ChamberProblem
 from benchctl.diagnosis.keys import keys_of
-from benchctl.diagnosis.residual.residual_structure import ResidualStructure, residual_structure_beside
+from benchctl.diagnosis.residual.residual_structure import ResidualStructure, residual_structure_with_disturbance
 from benchctl.diagnosis.search.models import may_be_nothing
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.search.subsets import CHANCE, evidence_beside, price_of, select_subset, stuck
+from benchctl.diagnosis.search.subsets import CHANCE, evidence_for, price_of, select_subset, stuck
 from benchctl.diagnosis.structures.along import Along, Begun, everywhere
 from benchctl.diagnosis.structures.search import NEARLY, Modelled, few_of_each
-from benchctl.estimation.disturbance import beside_disturbance, deviance_near, with_disturbance
+from benchctl.estimation.disturbance import deviance_near, whitened_for_disturbance, with_disturbance
 from benchctl.estimation.fit import Fit, Point, fit, inverse
 from benchctl.side_by_side import shared_out
 from benchctl.signals.binning import bin_of
@@ -111,7 +111,7 @@ def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, see
     after = chosen.after
     bare = fit(problem, after.whitener, Point(baseline=after.point.baseline, effects=_names(after)), after.fitted)
     return Modelled(
-        chosen=replace(chosen, named=bare), structures=structures, ties=ties, left=left_beside(problem, after)
+        chosen=replace(chosen, named=bare), structures=structures, ties=ties, left=disturbed_residual(problem, after)
     )
 
 
@@ -220,7 +220,7 @@ def _may_be(problem: ChamberProblem, named: Selection, model: Selection, gain: f
         return True
     if gone and _is_more_specific(found[0], gone[0]):
         return gain > _TIE
-    return left and not left_beside(problem, model.after).significant
+    return left and not disturbed_residual(problem, model.after).significant
 
 
 def _known(model: Selection, best: _Candidate) -> bool:
@@ -261,10 +261,10 @@ def _with_these(problem: ChamberProblem, chosen: Selection, fitted: Fit) -> Sele
         full = fit(problem, fitted.whitener, fitted, np.ones_like(fitted.fitted), rounds=_FITTED)
     effects = fitted.point.effects
     evidence = {
-        key: evidence_beside(problem, fitted, effect, chosen.heldout)
+        key: evidence_for(problem, fitted, effect, chosen.heldout)
         for key, effect in zip(keys_of(effects), effects, strict=True)
     }
-    return replace(chosen, after=fitted, whole=with_disturbance(problem, full), evidence=evidence)
+    return replace(chosen, after=fitted, full=with_disturbance(problem, full), evidence=evidence)
 
 
 def _with_names(problem: ChamberProblem, structures: tuple[Structure, ...], seed: int) -> Selection:
@@ -274,10 +274,10 @@ def _with_names(problem: ChamberProblem, structures: tuple[Structure, ...], seed
     follow what the missing effects explain.
     """
     held = tuple(unmoved(one, ("shape",)) for one in structures)
-    chosen = select_subset(problem, seed=seed, progress=lambda _name, _share: None, beside=held)
+    chosen = select_subset(problem, seed=seed, progress=lambda _name, _share: None, fixed=held)
 
-    full = with_disturbance(problem, _all_free(problem, chosen.whole))
-    return replace(chosen, after=_all_free(problem, chosen.after), whole=full)
+    full = with_disturbance(problem, _all_free(problem, chosen.full))
+    return replace(chosen, after=_all_free(problem, chosen.after), full=full)
 
 
 def _all_free(problem: ChamberProblem, one: Fit) -> Fit:
@@ -286,10 +286,10 @@ def _all_free(problem: ChamberProblem, one: Fit) -> Fit:
     return fit(problem, one.whitener, replace(one.point, effects=free), one.fitted, rounds=_FITTED)
 
 
-def left_beside(problem: ChamberProblem, fitted: Fit) -> ResidualStructure:
+def disturbed_residual(problem: ChamberProblem, fitted: Fit) -> ResidualStructure:
     """Return the residual structure of a fit, with the disturbance that the fit needs in the noise model."""
-    white = beside_disturbance(problem, fitted)
-    return residual_structure_beside(problem, white.whitener, white)
+    white = whitened_for_disturbance(problem, fitted)
+    return residual_structure_with_disturbance(problem, white.whitener, white)
 
 
 def _score(problem: ChamberProblem, fitted: Fit) -> float:
@@ -384,7 +384,7 @@ def _needless(problem: ChamberProblem, fitted: Fit) -> set[int]:
 
 def _along(problem: ChamberProblem, base: Fit) -> Iterator[Along]:
     """Yield the residual's gradient sums per coordinate, without what the fit's own parameters can follow."""
-    white = beside_disturbance(problem, base)
+    white = whitened_for_disturbance(problem, base)
     rows = base.fitted[problem.step] & (white.whitener.weight > 0.0)
     derivatives = white.derivatives * rows[:, None]
     covariance = inverse(derivatives.T @ derivatives)

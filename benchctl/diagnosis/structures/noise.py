@@ -124,16 +124,16 @@ def with_noise(problem: GyroProblem, chosen: Selection, found: NoiseFound) -> Se
         relative = np.divide(1.0, weight, out=np.ones_like(weight), where=weight > 0.0)
         return np.asarray(np.where(weight > 0.0, 1.0 / np.sqrt(relative**2 + more), 0.0))
 
-    noise = chosen.noise.beside(problem, chosen.after, relative, least_gain=chosen.least)
+    noise = chosen.noise.simplified(problem, chosen.after, relative, least_gain=chosen.least)
     whitener = replace(noise.whitener, weight=weighed(noise.whitener.weight))
     plain = replace(noise.plain, weight=weighed(noise.plain.weight))
     noise = replace(noise, whitener=whitener, plain=plain)
 
     before = fit(problem, plain, chosen.before.point, chosen.before.fitted)
-    after, full = (fit(problem, whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
+    after, full = (fit(problem, whitener, one.point, one.fitted) for one in (chosen.after, chosen.full))
     named = None if chosen.named is None else fit(problem, whitener, chosen.named.point, chosen.named.fitted)
     return replace(
-        chosen, noise=noise, before=before.light, after=after, whole=full, named=named, noise_structure=found.structure
+        chosen, noise=noise, before=before.light, after=after, full=full, named=named, noise_structure=found.structure
     )
 
 
@@ -172,7 +172,7 @@ def _binned(values: FloatArray, half: FloatArray, span: Span) -> _Binned:
 
 def _grids(over: str, span: Span) -> Iterator[tuple[str, list[dict[str, float]]]]:
     """Yield shapes for the growth of noise, with their places."""
-    if OVER[over].ways is not None:
+    if OVER[over].directions is not None:
         for shape in ("negative", "positive", "either"):
             yield shape, [{}]
         return

@@ -17,7 +17,7 @@ import numpy as np
 
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
-from benchctl.diagnosis.residual.residual_structure import ResidualStructure, is_owed, residual_structure_of
+from benchctl.diagnosis.residual.residual_structure import ResidualStructure, is_attributable, residual_structure_of
 from benchctl.diagnosis.search.held_out import least_gain
 from benchctl.diagnosis.search.models import IMPERFECT
 from benchctl.diagnosis.search.pull import pull_of
@@ -113,7 +113,7 @@ def modelled(
             break
         before = [*known, *found]
         explained = gain_of(chosen.after, bare) if before else 0.0
-        minor = bool(before) and is_owed(rest, max(explained, _as_gain(chosen, bare, rest)))
+        minor = bool(before) and is_attributable(rest, max(explained, _as_gain(chosen, bare, rest)))
         curved = {_kind(one.over) for one in before if one.is_smooth} if smooth else {*_KINDS.values(), _MOTION}
         ruled_out = taken | (_followed(before) if minor else set())
         candidates = scan.candidates(ruled_out, curved, IMPERFECT**2 * explained)
@@ -121,7 +121,7 @@ def modelled(
             break
         best = _sharpened(problem, chosen, _simple_enough(problem, chosen, candidates, seed))
         ties = ties if found else _tied(best, candidates)
-        scan = scan.beside(best.fit)
+        scan = scan.extended_by(best.fit)
         chosen = scan.chosen
         first = found[:1]
         if any(type(one) is type(best.structure) for one in found):  # two of a kind have the same key
@@ -241,7 +241,7 @@ def with_jumps(problem: GyroProblem, chosen: Selection) -> tuple[Selection, tupl
     found: list[Structure] = []
     looked = 2.0 * math.log(chosen.after.rows)
     clock = problem.clock_s
-    for begun in encoder_jumps(problem, pull_of(problem, chosen.whitener, chosen.whole), chosen.noise.pure_error):
+    for begun in encoder_jumps(problem, pull_of(problem, chosen.whitener, chosen.full), chosen.noise.pure_error):
         step = int(problem.step[min(int(np.searchsorted(clock, begun.values["at"])), clock.size - 1)])
         if chosen.heldout[step]:
             held = _with_jump_held_out(problem, chosen, begun, looked)
@@ -257,7 +257,7 @@ def with_jumps(problem: GyroProblem, chosen: Selection) -> tuple[Selection, tupl
 
 
 def _with_jump_held_out(problem: GyroProblem, chosen: Selection, begun: Structure, looked: float) -> Selection | None:
-    everything = chosen.whole
+    everything = chosen.full
     point = replace(everything.point, effects=(*everything.point.effects, begun))
     full = fit(problem, chosen.whitener, point, everything.fitted)
     if gain_of(full, everything) - looked < chosen.least or at_bound(full.point.effects[-1]):
@@ -265,13 +265,13 @@ def _with_jump_held_out(problem: GyroProblem, chosen: Selection, begun: Structur
     added = full.point.effects[-1]
     assert isinstance(added, Structure)  # noqa: S101  # it was fitted as one
     point = replace(chosen.after.point, effects=(*chosen.after.point.effects, unmoved(added)))
-    return replace(with_last(problem, chosen, point), whole=full)
+    return replace(with_last(problem, chosen, point), full=full)
 
 
 def with_last(problem: Structurable, chosen: Selection, point: Point) -> Selection:
     """Return the selection with the last effect of a point near the best one, fitted with exact derivatives."""
     after = fit(problem, chosen.whitener, point, chosen.after.fitted)
-    effects = (*chosen.whole.point.effects, after.point.effects[-1])
+    effects = (*chosen.full.point.effects, after.point.effects[-1])
     everything = np.ones_like(after.fitted)
     full = after
     if chosen.heldout.any():
@@ -284,7 +284,7 @@ def with_last(problem: Structurable, chosen: Selection, point: Point) -> Selecti
         excess=(gone.white**2 - after.white**2).astype(np.float32),
     )
     key = keys_of(after.point.effects)[-1]
-    return replace(chosen, after=after, whole=full, evidence={**chosen.evidence, key: evidence})
+    return replace(chosen, after=after, full=full, evidence={**chosen.evidence, key: evidence})
 
 
 def _kind(word: str) -> str:
@@ -305,14 +305,14 @@ def _own(coordinate: str) -> list[str]:
 
 
 class Scan:
-    """Models with one more structure beside a selection. What was computed for one search serves the next."""
+    """Models with one more structure than a selection. What was computed for one search serves the next."""
 
     def __init__(self, problem: Structurable, chosen: Selection) -> None:
         self.chosen = chosen
         self._problem = problem
         self._refined: dict[str, Begun] = {}
         self._fits: dict[str, Fit | None] = {}
-        self._beside: dict[tuple[str, ...], Scan] = {}
+        self._extended: dict[tuple[str, ...], Scan] = {}
 
     def candidates(self, taken: set[str], curved: set[str], missed: float) -> list[_Candidate]:
         """Return models with one additional structure that also hold on held-out steps.
@@ -337,18 +337,18 @@ class Scan:
         judged = (_judged(self._problem, self.chosen, one, looked) for one in fits if one is not None)
         return [one for one in judged if one is not None]
 
-    def beside(self, after: Fit) -> Scan:
+    def extended_by(self, after: Fit) -> Scan:
         """Return the scan of the selection with the structure that `after` has as its last effect."""
         added = after.point.effects[-1]
         key = added.identifier, *map(repr, added.values.values())
-        if key not in self._beside:
-            self._beside[key] = Scan(self._problem, with_last(self._problem, self.chosen, after.point))
-        return self._beside[key]
+        if key not in self._extended:
+            self._extended[key] = Scan(self._problem, with_last(self._problem, self.chosen, after.point))
+        return self._extended[key]
 
     @cached_property
     def _begun(self) -> list[Begun]:
         chosen = self.chosen
-        pulls = (pull_of(self._problem, chosen.whitener, one) for one in (chosen.after, chosen.whole))
+        pulls = (pull_of(self._problem, chosen.whitener, one) for one in (chosen.after, chosen.full))
         return begun_everywhere(self._problem, *pulls)
 
     def _refine(self, begun: Begun) -> Begun:

@@ -60,11 +60,11 @@ def settled(problem: Structurable, chosen: Selection) -> Selection:
     if chosen.noise.found:
         noise = chosen.noise.measured(problem, chosen.after, least_gain=chosen.least)
         chosen = _under(problem, chosen, noise)
-    held = chosen.whole.point.effects
+    held = chosen.full.point.effects
     free = tuple(freed(one) if isinstance(one, Structure) else one for one in held)
     if [*map(type, free)] != [*map(type, held)]:
-        full = fit(problem, chosen.whitener, replace(chosen.whole.point, effects=free), chosen.whole.fitted)
-        chosen = replace(chosen, whole=full)
+        full = fit(problem, chosen.whitener, replace(chosen.full.point, effects=free), chosen.full.fitted)
+        chosen = replace(chosen, full=full)
     point = chosen.after.point
     named = tuple(effect for effect in point.effects if not isinstance(effect, Structure))
     bare = fit(problem, chosen.whitener, Point(baseline=point.baseline, effects=named), chosen.after.fitted)
@@ -171,7 +171,7 @@ def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed
         if process is None or not _wanders(problem, chosen, process.gain):
             best = total, found
         elif best is None or total > best[0]:
-            best = total, _beside(problem, found, process, seed)
+            best = total, _with_process(problem, found, process, seed)
     return None if best is None else best[1]
 
 
@@ -187,7 +187,7 @@ def _wanders(problem: GyroProblem, without: Selection, gain: float) -> bool:
 
     def evidence(names: Sequence[str], pieces: int) -> float:
         lines = [_lines_along(problem.coordinates[name], pieces, weight) for name in names]
-        tested = left.seen(scipy.sparse.hstack(lines).tocsr())
+        tested = left.score(scipy.sparse.hstack(lines).tocsr())
         return tested.gain - tested.dof * math.log(left.freedom)
 
     by_temperature = {pieces: evidence(("gyro_temp", "gyro_temp_rate"), pieces) for pieces in _PIECES}
@@ -202,7 +202,7 @@ def _lines_along(values: FloatArray, pieces: int, weight: FloatArray) -> scipy.s
     return hats(values, np.linspace(counted.min(), counted.max(), pieces + 1), weight)
 
 
-def _beside(problem: GyroProblem, found: Modelled, process: Noisy, seed: int) -> Modelled:
+def _with_process(problem: GyroProblem, found: Modelled, process: Noisy, seed: int) -> Modelled:
     """Return the structures with a process added to the noise model, all refitted."""
     chosen = _under(problem, found.chosen, found.chosen.noise.with_(process))
     return replace(found, chosen=chosen, left=residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed))
@@ -215,8 +215,8 @@ def leaving_out(problem: GyroProblem, chosen: Selection, rows: BoolArray) -> Sel
 
 def _under(problem: Structurable, chosen: Selection, noise: NoiseModel) -> Selection:
     """Return a selection refitted with another noise model."""
-    after, full = (fit(problem, noise.whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
-    return replace(chosen, noise=noise, after=after, whole=full)
+    after, full = (fit(problem, noise.whitener, one.point, one.fitted) for one in (chosen.after, chosen.full))
+    return replace(chosen, noise=noise, after=after, full=full)
 
 
 def as_one_curve(problem: Structurable, found: Modelled, seed: int) -> Modelled:

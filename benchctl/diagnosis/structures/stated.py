@@ -15,13 +15,13 @@ from benchctl.diagnosis.gyro.frame import turned_unseen
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.attribution import NOTHING
-from benchctl.diagnosis.residual.residual_structure import ResidualStructure, is_owed, residual_structure_of
+from benchctl.diagnosis.residual.residual_structure import ResidualStructure, is_attributable, residual_structure_of
 from benchctl.diagnosis.result import Curve, Estimate, StructureModel, Unexplained
 from benchctl.diagnosis.search.scans import swinging_hz
 from benchctl.diagnosis.search.select import reduced, select
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.stepped import PartProblem
-from benchctl.diagnosis.structures.heat import heat_modelled, left_beside
+from benchctl.diagnosis.structures.heat import disturbed_residual, heat_modelled
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.scan import Structurable, coordinates_of, factors_of
 from benchctl.diagnosis.structures.search import Modelled, Scan, modelled, with_jumps
@@ -91,7 +91,7 @@ def evident_structure(problem: GyroProblem, bare: Selection, *, seed: int) -> Mo
     """Return a single simple structure that explains all that a selection without effects leaves; None if none does.
 
     Named effects together could follow it in part, and the search for such a combination takes several times as long as
-    all else. If the noise is not white beside the structure, it is not evident.
+    all else. If the noise is not white in addition to the structure, it is not evident.
     """
     rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
     found = modelled(problem, bare, rest, most=1, seed=seed) if rest.significant else None
@@ -105,7 +105,7 @@ def with_structures(
     problem: PartProblem,
     chosen: Selection,
     unexplained: Unexplained,
-    owed: tuple[str, ...],
+    notes: tuple[str, ...],
     *,
     fallen: Collection[str] = (),
     spikes: bool = False,
@@ -117,29 +117,29 @@ def with_structures(
     Named effects that had `fallen` (dropped because of a residual) are tried again with the structures. If the output
     has `spikes`, jumps of the encoder's angle are not searched.
 
-    A small residual attributed to an inexact finding (`owed`) is still a structure if a shape explains it over a
+    A small residual attributed to an inexact finding (`notes`) is still a structure if a shape explains it over a
     coordinate along which no finding acts. Jumps of the encoder and noise that is not constant may not be visible in
     the residual, so they are always searched. An `evident` structure of the selection is not searched again, and all
     named effects are tried with it.
     """
     if isinstance(problem, DriveProblem):
-        return _of_torque(problem, chosen, unexplained, owed, seed)
+        return _of_torque(problem, chosen, unexplained, notes, seed)
     if isinstance(problem, ChamberProblem):
-        return _of_heat(problem, chosen, unexplained, owed, seed)
+        return _of_heat(problem, chosen, unexplained, notes, seed)
     if not isinstance(problem, GyroProblem):
-        return chosen, unexplained, owed
-    chosen, stated, owed = _of_prediction(problem, chosen, unexplained, owed, fallen, spikes, evident, seed)
+        return chosen, unexplained, notes
+    chosen, stated, notes = _of_prediction(problem, chosen, unexplained, notes, fallen, spikes, evident, seed)
     noisy = noise_structure(problem, chosen)
     if noisy is None:
-        return chosen, stated, owed
-    return with_noise(problem, chosen, noisy), _of_noise(noisy, stated), owed
+        return chosen, stated, notes
+    return with_noise(problem, chosen, noisy), _of_noise(noisy, stated), notes
 
 
 def _of_prediction(
     problem: GyroProblem,
     chosen: Selection,
     unexplained: Unexplained,
-    owed: tuple[str, ...],
+    notes: tuple[str, ...],
     fallen: Collection[str],
     spikes: bool,
     evident: Modelled | None,
@@ -149,22 +149,22 @@ def _of_prediction(
     bare = chosen
     # an unrecognised spike of one row looks like a jump of the angle
     chosen, jumps = (chosen, ()) if spikes or evident else with_jumps(problem, chosen)
-    found = (chosen, evident) if evident else _modelled(problem, chosen, unexplained, owed, seed)
+    found = (chosen, evident) if evident else _modelled(problem, chosen, unexplained, notes, seed)
     known = _where_direction_is_known(problem, chosen, unexplained, found, seed)
     found = found if known is None else known
     between = _between_ramps(problem, found, seed)
     found = found if between is None else between
     if found is None and not jumps:
-        return chosen, unexplained, owed
+        return chosen, unexplained, notes
     if found is None:
         rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
         by_shapes = Modelled(chosen=chosen, structures=(), ties=(), left=rest)
     else:
-        bare, by_shapes, owed = (found[0] if not jumps else bare), found[1], ()
+        bare, by_shapes, notes = (found[0] if not jumps else bare), found[1], ()
     if known is not None:
-        owed = (_UNSEEN,)
+        notes = (_UNSEEN,)
     if between is not None:
-        owed = (*owed, _RAMPS)
+        notes = (*notes, _RAMPS)
     instead = chosen.noise.found.keys() - by_shapes.chosen.noise.found.keys()  # a replaced process
     by_shapes = as_one_curve(problem, by_shapes, seed)
     if not (jumps or spikes):  # with the structures in the model, jumps may become significant
@@ -179,29 +179,29 @@ def _of_prediction(
     )
     share = unexplained.share if unexplained.significant else _share(bare, by_shapes)
     rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
-    return by_shapes.chosen, _stated(problem, by_shapes, rest, share), owed
+    return by_shapes.chosen, _stated(problem, by_shapes, rest, share), notes
 
 
 def _of_torque(
-    problem: DriveProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
+    problem: DriveProblem, chosen: Selection, unexplained: Unexplained, notes: tuple[str, ...], seed: int
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """Do the same for a drive's torque. Friction can follow many structures, so named effects are searched again."""
     found = torque_modelled(problem, chosen, left=unexplained.significant, seed=seed)
     if found.chosen is chosen:
-        return chosen, unexplained, owed
+        return chosen, unexplained, notes
     found = as_one_curve(problem, found, seed)
     found = replace(found, chosen=settled(problem, found.chosen))
     if not found.structures:  # the effects found with a structure suffice without it
-        return found.chosen, _left_of(found, unexplained), owed
+        return found.chosen, _left_of(found, unexplained), notes
     bare = reduced(problem, found.chosen, structures_of(found.chosen))
     rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
     if _explained(rest, found.left) < _MOST_OF_IT:
-        return chosen, unexplained, owed
+        return chosen, unexplained, notes
     return found.chosen, _stated(problem, found, rest, _share(bare, found)), ()
 
 
 def _of_heat(
-    problem: ChamberProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
+    problem: ChamberProblem, chosen: Selection, unexplained: Unexplained, notes: tuple[str, ...], seed: int
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """Do the same for a chamber's heat, which several named effects may imitate."""
     found = heat_modelled(problem, chosen, left=unexplained.significant, seed=seed)
@@ -210,9 +210,9 @@ def _of_heat(
         if missed and not unexplained.significant:
             share = float(np.sum(chosen.after.residual**2) / np.sum(chosen.before.residual**2))
             unexplained = Unexplained(significant=True, share=min(share, 1.0), coordinates=("time",), says=missed)
-        return chosen, unexplained, owed
-    rest = left_beside(problem, found.chosen.named)
-    return found.chosen, _stated(problem, found, rest, _share(chosen, found)), owed
+        return chosen, unexplained, notes
+    rest = disturbed_residual(problem, found.chosen.named)
+    return found.chosen, _stated(problem, found, rest, _share(chosen, found)), notes
 
 
 def _left_of(found: Modelled, unexplained: Unexplained) -> Unexplained:
@@ -223,13 +223,13 @@ def _left_of(found: Modelled, unexplained: Unexplained) -> Unexplained:
 
 
 def _modelled(
-    problem: GyroProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
+    problem: GyroProblem, chosen: Selection, unexplained: Unexplained, notes: tuple[str, ...], seed: int
 ) -> tuple[Selection, Modelled] | None:
     """Return the selection before structures were added, and the model with them; None if there are none."""
-    better = instead_of_names(problem, chosen, left=bool(unexplained.significant or owed), seed=seed)
+    better = instead_of_names(problem, chosen, left=bool(unexplained.significant or notes), seed=seed)
     if better is not None:
         return better
-    if not (unexplained.significant or owed):
+    if not (unexplained.significant or notes):
         return None
     rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
     findings = () if unexplained.significant else chosen.after.point.effects
@@ -240,7 +240,7 @@ def _modelled(
         found = modelled(problem, chosen, rest, apart_from=named, smooth=smooth, scan=scan, seed=seed)
         if found is None:
             continue
-        if not found.left.significant or is_owed(found.left, gain_of(found.chosen.after, chosen.after)):
+        if not found.left.significant or is_attributable(found.left, gain_of(found.chosen.after, chosen.after)):
             return chosen, found
         if best is None or found.left.power < _CLEARLY_LESS * best.left.power:
             best = found
@@ -476,7 +476,7 @@ def curve_of(problem: Structurable, chosen: Selection, key: str) -> Curve | None
     fitted, error = effect.value_at(along), _error(problem, chosen, place, effect, along)
     return Curve(
         place=summed(x)[filled] / count[filled],
-        asked=left + summed(factor**2 * effect.value_at(x))[filled] / power,
+        required=left + summed(factor**2 * effect.value_at(x))[filled] / power,
         left=left,
         error=chosen.white_deviation / np.sqrt(power),
         along=along,

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.keys import keys_of
-from benchctl.diagnosis.residual.residual_structure import is_owed, residual_structure_of
+from benchctl.diagnosis.residual.residual_structure import is_attributable, residual_structure_of
 from benchctl.diagnosis.search.select import reduced, select, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.search import NEARLY, Modelled, Scan, modelled, with_last
@@ -135,10 +135,10 @@ def _without_offset(problem: DriveProblem, found: Modelled, seed: int) -> Iterat
         turned = (*effects[:place], other, *effects[place + 1 :])
         after, full = (
             fit(problem, less.whitener, replace(one.point, effects=turned), one.fitted)
-            for one in (less.after, less.whole)
+            for one in (less.after, less.full)
         )
         evidence = dict(zip(keys_of(turned), less.evidence.values(), strict=True))
-        yield model_of(replace(less, after=after, whole=full, evidence=evidence))
+        yield model_of(replace(less, after=after, full=full, evidence=evidence))
 
 
 def _best(problem: DriveProblem, *models: Modelled) -> Modelled:
@@ -146,11 +146,11 @@ def _best(problem: DriveProblem, *models: Modelled) -> Modelled:
 
     If all leave one, return the model with the lowest criterion.
     """
-    whole = [one for one in models if not _misses(problem, one)]
-    if not whole:
+    complete = [one for one in models if not _misses(problem, one)]
+    if not complete:
         return min(models, key=_criterion)
-    most = max(_explained(one) for one in whole)
-    simple = [one for one in whole if _explained(one) >= most - (1.0 - NEARLY) * abs(most)]
+    most = max(_explained(one) for one in complete)
+    simple = [one for one in complete if _explained(one) >= most - (1.0 - NEARLY) * abs(most)]
     return min(simple, key=lambda one: (len(one.chosen.after.numbers), _criterion(one)))
 
 
@@ -165,7 +165,7 @@ def _misses(problem: DriveProblem, found: Modelled) -> bool:
     if not found.left.significant:
         return False
     bare = without(problem, found.chosen, *structures_of(found.chosen))
-    return not is_owed(found.left, gain_of(found.chosen.after, bare))
+    return not is_attributable(found.left, gain_of(found.chosen.after, bare))
 
 
 def _with_names(problem: DriveProblem, found: Modelled, seed: int) -> Modelled:

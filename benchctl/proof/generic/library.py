@@ -19,7 +19,7 @@ WARM_C, HOUR_S, RAMP_C_PER_S = 40.0, 3600.0, 0.08
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class Observations:
     """The coordinates of the rows, scaled to about one; arrays of shape (n,)."""
 
     w: FloatArray
@@ -32,7 +32,7 @@ class Seen:
     u: FloatArray
 
     @classmethod
-    def of(cls, rows: Rows) -> Seen:
+    def of(cls, rows: Rows) -> Observations:
         """Return the scaled coordinates."""
         return cls(
             w=rows.rate_dps / rows.range_dps,
@@ -50,12 +50,12 @@ def _scaled(values: FloatArray) -> FloatArray:
     return values / max(float(np.abs(values).max()), 1e-12)
 
 
-def _decay(seen: Seen, tau_s: float) -> FloatArray:
-    decay: FloatArray = np.exp(-seen.t * HOUR_S / tau_s)
+def _decay(observed: Observations, tau_s: float) -> FloatArray:
+    decay: FloatArray = np.exp(-observed.t * HOUR_S / tau_s)
     return decay
 
 
-Term = tuple[str, Callable[[Seen], FloatArray]]
+Term = tuple[str, Callable[[Observations], FloatArray]]
 
 TERMS: Mapping[str, Term] = MappingProxyType(
     {
@@ -131,7 +131,7 @@ _OF_K_T, _OF_K_OMEGA = ("ωT", "ωT²", "ωT³"), ("ω³", "ω⁵", "ω⁷")
 
 def library(rows: Rows) -> tuple[list[str], FloatArray]:
     """Return names and columns, shape (n, terms), of the terms that the lab's model does not have."""
-    scaled = Seen.of(rows)
+    scaled = Observations.of(rows)
     has = _believed(rows)
     names = [name for name in TERMS if name not in has]
     return names, np.column_stack([TERMS[name][1](scaled) for name in names])
@@ -139,7 +139,7 @@ def library(rows: Rows) -> tuple[list[str], FloatArray]:
 
 def baseline(rows: Rows) -> FloatArray:
     """Return the terms of the lab's model, shape (n, terms); a change of their coefficients is no finding."""
-    scaled = Seen.of(rows)
+    scaled = Observations.of(rows)
     columns = [np.ones_like(scaled.t), scaled.w, *(TERMS[name][1](scaled) for name in _believed(rows))]
     return np.column_stack(columns)
 

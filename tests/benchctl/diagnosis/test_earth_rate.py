@@ -141,4 +141,4 @@ def test_a_search_that_learns_the_other_answer_ends_as_one_that_knew_it() -> Non
     assert ends_with.chain.earth_dps == 0.0
     known = chosen(other)
     assert found.after.point.effects == known.after.point.effects == ()
-    np.testing.assert_allclose(found.whole.point.baseline, known.whole.point.baseline, rtol=1e-6)
+    np.testing.assert_allclose(found.full.point.baseline, known.full.point.baseline, rtol=1e-6)

@@ -97,7 +97,7 @@ def test_one_order_is_left_out_and_the_other_stays(problem: Toy, chosen: Selecti
 
 def test_a_selection_reduced_by_one_order_names_the_other_by_its_identifier(problem: Toy, chosen: Selection) -> None:
     less = reduced(problem, chosen, {"ripple"})
-    assert orders(less.after) == orders(less.whole) == [2.0]
+    assert orders(less.after) == orders(less.full) == [2.0]
     assert list(less.evidence) == ["cubic", "ripple"]
     assert less.evidence["ripple"] is chosen.evidence["ripple_2"]
     assert {one.effect for one in findings_of(problem, less)} == {"cubic", "ripple"}

@@ -10,7 +10,7 @@ import pytest
 import scipy.signal
 
 from benchctl.diagnosis.chamber.problem import chamber_problem
-from benchctl.estimation.disturbance import disturbance_beside, disturbance_of, pushed_in, with_disturbance
+from benchctl.estimation.disturbance import disturbance_of, disturbance_of_fit, pushed_in, with_disturbance
 from benchctl.estimation.fit import Fit, Point, fit
 from benchctl.estimation.noise_model import NoiseModel
 from benchctl.estimation.problem import Problem
@@ -32,7 +32,7 @@ def _fitted(seed: int) -> tuple[Problem, Fit]:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_draught_is_remembered_as_long_as_the_air_remembers_though_a_fit_takes_up_its_slowest_part(seed: int) -> None:
     problem, fitted = _fitted(seed)
-    (process,) = disturbance_beside(problem, fitted).slow
+    (process,) = disturbance_of_fit(problem, fitted).slow
     assert -problem.interval_s / math.log(process.remembers) == pytest.approx(TAU_S, rel=0.1)
 
 

@@ -218,7 +218,7 @@ def test_where_no_row_counts_nothing_is_left() -> None:
 
 def test_other_processes_on_the_same_rows_leave_the_first_whitener_as_it_was() -> None:
     plain = whitener()
-    filtered = plain.beside(walk(2.0, DT))
+    filtered = plain.with_slow(walk(2.0, DT))
     assert filtered.innovation > 1.0
     assert plain.innovation == 1.0
     assert plain(noise()) == pytest.approx(noise())
@@ -251,7 +251,7 @@ def test_the_same_rows_with_other_processes_are_whitened_as_if_they_were_new() -
     weight = np.where(np.arange(300) % 7, 1.0, 0.0)
     first = whitener(walk(1.0, DT), weight=weight)
     first(noise())
-    other = first.beside(flicker(0.3, DT, 20.0))
+    other = first.with_slow(flicker(0.3, DT, 20.0))
     new = whitener(flicker(0.3, DT, 20.0), weight=weight)
     np.testing.assert_array_equal(other(noise()), new(noise()))
     assert other.log_determinant == new.log_determinant

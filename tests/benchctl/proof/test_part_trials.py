@@ -111,7 +111,7 @@ def test_a_torque_without_a_name_is_found_over_its_coordinate_beside_the_right_n
 @pytest.mark.slow
 def test_a_drive_is_diagnosed_blind_and_scored_against_what_was_sealed(tmp_path: Path) -> None:
     settings = ProofSettings(seed=5, trials=1, only=("drive",), jobs=1)
-    (trial,) = run_proof(settings, tmp_path, told=lambda _index, _what: None, stop=StopRequest())
+    (trial,) = run_proof(settings, tmp_path, on_status=lambda _index, _what: None, stop=StopRequest())
     assert trial.generic is None
     assert trial.physics.right
     score = trial.physics.score

@@ -50,7 +50,7 @@ class Bench:
 def run(settings: ProofSettings, folder: Path, stop: StopRequest | None = None) -> tuple[list[Trial], list[str]]:
     told: list[str] = []
     trials = list(
-        run_proof(settings, folder, told=lambda i, what: told.append(f"{i} {what}"), stop=stop or StopRequest())
+        run_proof(settings, folder, on_status=lambda i, what: told.append(f"{i} {what}"), stop=stop or StopRequest())
     )
     return trials, told
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.proof.confusion import BESIDE, NOTHING, UNKNOWN, WITHHELD
+from benchctl.proof.confusion import ADDED, NOTHING, UNKNOWN, WITHHELD
 from benchctl.proof.summary import Summary, summarize
 from benchctl.proof.trial import Answer, Trial, read_trial, write_trial
 from benchctl_instruments.errors import UsageError
@@ -69,7 +69,7 @@ def test_the_matrix_says_what_was_taken_for_what(summary: Summary) -> None:
         ("thermal_lag", "thermal_hysteresis"): 1,
         ("warm_up", NOTHING): 1,
         (WITHHELD, UNKNOWN): 1,
-        (BESIDE, "bias_drift"): 1,
+        (ADDED, "bias_drift"): 1,
     }
     right = {(matrix.rows[i], matrix.columns[j]) for i in range(len(matrix.rows)) for j in range(len(matrix.columns))
              if matrix.is_right(i, j)}  # fmt: skip

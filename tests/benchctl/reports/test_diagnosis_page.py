@@ -131,7 +131,7 @@ def step_model():
         says="Where the coil's temperature is above 34.6 °C the scale factor is 0.97 % lower.",
         curve=Curve(
             place=place,
-            asked=chance - 9.7e-3 * (place > 34.6),
+            required=chance - 9.7e-3 * (place > 34.6),
             left=chance,
             error=np.full(40, 1e-4),
             along=along,

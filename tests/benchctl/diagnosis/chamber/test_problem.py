@@ -79,7 +79,7 @@ def test_a_lag_of_seconds_beside_a_store_of_heat_is_found_though_it_takes_little
 def test_without_one_finding_the_others_keep_the_errors_that_the_draughts_give_them() -> None:
     problem = chamber_problem(recording_of(chamber_channels(Truth(second_lag_s=30.0, radiation=0.5), 1)))
     chosen = select_subset(problem, seed=0, progress=lambda _name, _share: None)
-    rest = reduced(problem, chosen, {"radiation"}).whole
+    rest = reduced(problem, chosen, {"radiation"}).full
     beside = with_disturbance(problem, replace(rest, disturbed_covariance=None))
     np.testing.assert_allclose(rest.robust_covariance(problem.step), beside.robust_covariance(problem.step))
 

@@ -71,11 +71,11 @@ def test_values_intervals_and_units_are_those_of_the_fit_to_everything() -> None
     problem = toy(DECAY, SQUARED)
     chosen = selected(problem)
     by_name = {one.effect: one for one in findings_of(problem, chosen)}
-    errors = np.sqrt(np.diag(chosen.whole.robust_covariance(problem.step)))
-    for i, number in enumerate(chosen.whole.numbers):
+    errors = np.sqrt(np.diag(chosen.full.robust_covariance(problem.step)))
+    for i, number in enumerate(chosen.full.numbers):
         if number.effect is None:
             continue
-        effect = chosen.whole.point.effects[number.effect]
+        effect = chosen.full.point.effects[number.effect]
         estimate = by_name[effect.identifier].parameters[number.name]
         assert estimate.value == effect.values[number.name]
         assert estimate.unit == effect.parameters[number.name].unit

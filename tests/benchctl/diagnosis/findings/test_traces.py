@@ -118,7 +118,7 @@ def test_of_noise_that_wanders_what_is_left_is_what_a_prediction_from_before_lea
     from benchctl.estimation.noise import walk
 
     problem, selection = clean
-    walking = selection.whitener.beside(walk(3.0, problem.interval_s))
+    walking = selection.whitener.with_slow(walk(3.0, problem.interval_s))
     drift = 0.05 * np.sin(problem.time_s / 15.0)
     wandering = replace(selection.after, residual=selection.after.residual + drift)
     wandering = replace(wandering, white=walking(wandering.residual))

@@ -83,9 +83,9 @@ def test_the_baseline_has_the_values_of_all_steps_with_intervals_and_what_was_be
     problem = toy(baseline=(1.003 * K0, U0))
     chosen = selected(problem)
     baseline = baseline_of(problem, chosen)
-    errors = np.sqrt(np.diag(chosen.whole.robust_covariance(problem.step)))
+    errors = np.sqrt(np.diag(chosen.full.robust_covariance(problem.step)))
     assert list(baseline) == list(problem.baseline_names)
-    assert [one.value for one in baseline.values()] == chosen.whole.point.baseline.tolist()
+    assert [one.value for one in baseline.values()] == chosen.full.point.baseline.tolist()
     assert [one.high - one.low for one in baseline.values()] == pytest.approx((2.0 * Z95 * errors[:2]).tolist())
     assert [one.was for one in baseline.values()] == [K0, U0]
     assert [one.unit for one in baseline.values()] == list(problem.baseline_units)

@@ -54,7 +54,7 @@ def chosen(problem: GyroProblem) -> Selection:
     return Selection(
         before=fitted(problem),
         after=after,
-        whole=after,
+        full=after,
         noise=NoiseModel.of(problem),
         screening=select(toy(hypotheses=[]), seed=0, progress=lambda _name, _share: None).screening,
         evidence={"timing_offset": evidence},
@@ -113,7 +113,7 @@ def test_a_finding_and_its_nearest_alternative_are_to_be_parted(
 def test_a_walk_that_was_found_is_expected_in_the_next_run_too(
     monkeypatch: pytest.MonkeyPatch, problem: GyroProblem, chosen: Selection
 ) -> None:
-    whitener = chosen.whitener.beside(walk(0.05, problem.interval_s))
+    whitener = chosen.whitener.with_slow(walk(0.05, problem.interval_s))
     one = Noisy(effect="bias_random_walk", gain=40.0, size=0.05, log_error=0.1, whitener=whitener)
     noise, _ = handed_on(monkeypatch, problem, replace(chosen, noise=chosen.noise.with_(one)))
     assert noise.walk_v_per_sqrt_s == pytest.approx(0.05 * noise.white_v)

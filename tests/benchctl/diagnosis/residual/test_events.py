@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from benchctl.diagnosis.residual.events import _Blurred, bump, jump, lines
 from benchctl.diagnosis.residual.groups import Group
-from benchctl.diagnosis.residual.score_test import ScoreTest, Seen
+from benchctl.diagnosis.residual.score_test import Score, ScoreTest
 from benchctl_instruments.arrays import FloatArray
 
 DT = 0.01
@@ -20,8 +20,8 @@ def left_of(structure: FloatArray, seed: int = 0) -> ScoreTest:
     return ScoreTest(noise + structure, known, np.ones(TIME_S.size, np.bool_))
 
 
-def best_of(left: ScoreTest, group: Group) -> Seen:
-    return left.seen(group.columns())
+def best_of(left: ScoreTest, group: Group) -> Score:
+    return left.score(group.columns())
 
 
 def by_word(left: ScoreTest) -> dict[str, Group]:

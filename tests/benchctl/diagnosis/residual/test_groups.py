@@ -80,7 +80,7 @@ def test_a_smooth_function_of_a_coordinate_is_followed_by_its_columns(
     shape = structure(known)
     left = ScoreTest(shape, np.ones((N, 1)), np.ones(N, np.bool_))
     shares = [
-        left.seen(group.columns()).drop / left.squares
+        left.score(group.columns()).drop / left.squares
         for group in groups_of(known, output=known["output"], reference_c=23.0)
         if group.words[0] == word
     ]

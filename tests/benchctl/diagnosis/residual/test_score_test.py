@@ -32,7 +32,7 @@ def test_the_gain_is_that_of_a_joint_least_squares_fit() -> None:
     e = chance.standard_normal(N) + 0.1 * columns[:, 2] + 3.0 * known[:, 1]
     before = np.linalg.lstsq(known, e, rcond=None)[1][0]
     after = np.linalg.lstsq(np.hstack([known, columns]), e, rcond=None)[1][0]
-    seen = ScoreTest(e, known, everywhere()).seen(columns)
+    seen = ScoreTest(e, known, everywhere()).score(columns)
     assert seen.dof == 4
     assert seen.drop == pytest.approx(before - after, rel=1e-9)
     assert seen.gain == pytest.approx((N - 3) * math.log(before / after), rel=1e-9)
@@ -41,7 +41,7 @@ def test_the_gain_is_that_of_a_joint_least_squares_fit() -> None:
 def test_in_white_noise_the_chances_are_those_of_chance() -> None:
     chance = np.random.default_rng(2)
     known = fitted(chance)
-    found = [ScoreTest(chance.standard_normal(N), known, everywhere()).seen(bins(12)) for _ in range(150)]
+    found = [ScoreTest(chance.standard_normal(N), known, everywhere()).score(bins(12)) for _ in range(150)]
     # constant and slope are in the fit: one of twelve levels is no freedom any more
     assert {one.dof for one in found} == {11}
     assert np.mean([one.gain for one in found]) == pytest.approx(11.0, abs=1.2)
@@ -54,8 +54,8 @@ def test_in_white_noise_the_chances_are_those_of_chance() -> None:
 def test_sparse_and_dense_columns_say_the_same() -> None:
     chance = np.random.default_rng(3)
     left = ScoreTest(chance.standard_normal(N), fitted(chance), chance.random(N) > 0.2)
-    dense, sparse = left.seen(bins(9)), left.seen(scipy.sparse.csr_array(bins(9)))
-    single = left.seen(bins(9).astype(np.float32))
+    dense, sparse = left.score(bins(9)), left.score(scipy.sparse.csr_array(bins(9)))
+    single = left.score(bins(9).astype(np.float32))
     assert sparse.gain == pytest.approx(dense.gain, rel=1e-9)
     assert sparse.log_p == pytest.approx(dense.log_p, rel=1e-9)
     assert single.gain == pytest.approx(dense.gain, rel=1e-3)
@@ -66,7 +66,7 @@ def test_rows_that_do_not_count_change_nothing() -> None:
     chance = np.random.default_rng(4)
     known, e, rows = fitted(chance), chance.standard_normal(N), chance.random(N) > 0.3
     spoilt = np.where(rows, e, 1e6)
-    kept, other = (ScoreTest(one, known, rows).seen(bins(5)) for one in (e, spoilt))
+    kept, other = (ScoreTest(one, known, rows).score(bins(5)) for one in (e, spoilt))
     assert other.gain == pytest.approx(kept.gain)
     assert not other.profile[~rows].any()
 
@@ -77,7 +77,7 @@ def test_a_planted_structure_brings_the_gain_that_its_size_says() -> None:
     shape = columns[:, 2] - columns[:, 4]
     own = shape - known @ np.linalg.lstsq(known, shape, rcond=None)[0]
     size = math.sqrt(300.0 / (own @ own))
-    seen = ScoreTest(chance.standard_normal(N) + size * shape, known, everywhere()).seen(columns)
+    seen = ScoreTest(chance.standard_normal(N) + size * shape, known, everywhere()).score(columns)
     assert seen.gain == pytest.approx(300.0 + seen.dof, abs=4 * 2 * math.sqrt(300.0))
     assert seen.log_p < -80.0
 
@@ -85,7 +85,7 @@ def test_a_planted_structure_brings_the_gain_that_its_size_says() -> None:
 def test_what_the_fit_already_has_brings_nothing() -> None:
     chance = np.random.default_rng(6)
     known = fitted(chance)
-    seen = ScoreTest(chance.standard_normal(N), known, everywhere()).seen(
+    seen = ScoreTest(chance.standard_normal(N), known, everywhere()).score(
         known[:, :2] @ np.array([[1.0, 2.0], [0.5, 1.0]])
     )
     assert (seen.dof, seen.gain, seen.log_p) == (0, 0.0, 0.0)
@@ -97,7 +97,7 @@ def test_coloured_noise_is_not_taken_for_a_structure() -> None:
     chances = []
     for _ in range(40):
         e = scipy.signal.lfilter(np.ones(6), [1.0], chance.standard_normal(N))
-        seen = ScoreTest(e, known, everywhere()).seen(bins(12))
+        seen = ScoreTest(e, known, everywhere()).score(bins(12))
         assert seen.inflation > 3.0
         chances.append(seen.log_p)
     assert min(chances) > math.log(1e-4)
@@ -107,7 +107,7 @@ def test_one_spike_is_no_structure() -> None:
     chance = np.random.default_rng(8)
     e = chance.standard_normal(N)
     e[1234] = 300.0
-    seen = ScoreTest(e, fitted(chance), everywhere()).seen(bins(50))
+    seen = ScoreTest(e, fitted(chance), everywhere()).score(bins(50))
     assert seen.log_p > math.log(0.01)
 
 
@@ -115,7 +115,7 @@ def test_noise_that_grows_with_the_column_is_not_a_structure() -> None:
     chance = np.random.default_rng(9)
     loud = 1.0 + 6.0 * (np.arange(N) > 0.9 * N)
     chances = [
-        ScoreTest(loud * chance.standard_normal(N), fitted(chance), everywhere()).seen(bins(20)).log_p
+        ScoreTest(loud * chance.standard_normal(N), fitted(chance), everywhere()).score(bins(20)).log_p
         for _ in range(40)
     ]
     assert min(chances) > math.log(1e-4)

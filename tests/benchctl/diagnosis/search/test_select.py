@@ -95,7 +95,7 @@ def test_one_effect_is_found_alone_and_with_its_numbers(truth: ToyEffect) -> Non
     for seed in range(5):
         chosen = selected(toy(truth, seed=seed))
         assert names(chosen) == {truth.identifier}
-        one = chosen.whole
+        one = chosen.full
         (effect,) = one.point.effects
         for i, number in enumerate(one.numbers):
             if number.effect == 0:
@@ -286,12 +286,12 @@ def test_held_out_steps_change_neither_the_choice_nor_a_number(truth: tuple[ToyE
     assert np.array_equal(second.before.point.baseline, first.before.point.baseline)
     assert second.screening.threshold == first.screening.threshold
     # they do have a say in the fit to everything
-    assert not np.array_equal(second.whole.point.baseline, first.whole.point.baseline)
+    assert not np.array_equal(second.full.point.baseline, first.full.point.baseline)
 
 
 def test_the_whole_is_the_choice_fitted_to_all_steps() -> None:
     chosen = selected(toy(CUBIC))
-    assert chosen.whole.rows == TOTAL
+    assert chosen.full.rows == TOTAL
     assert chosen.after.rows == TOTAL - 3 * ROWS
     assert chosen.before.point.effects == ()
 
@@ -332,7 +332,7 @@ def test_a_selection_is_reduced_by_a_name_and_the_rest_is_refitted() -> None:
     assert less.after.squares > chosen.after.squares
     alone = fit(problem, chosen.whitener, replace(chosen.after.point, effects=(SQUARED,)), ~chosen.heldout)
     assert less.after.squares == pytest.approx(alone.squares, rel=1e-6)
-    assert less.whole.rows == TOTAL
+    assert less.full.rows == TOTAL
     assert names(chosen) == {"decay", "squared"}
 
 
@@ -369,7 +369,7 @@ def test_what_few_rows_show_and_all_bear_out_is_what_all_alone_would_show() -> N
     chosen, shares = begun_with(toy(DECAY, SQUARED, seed=1), problem)
     alone = selected(problem)
     assert names(chosen) == names(alone) == {"decay", "squared"}
-    assert chosen.whole.squares == pytest.approx(alone.whole.squares, rel=1e-6)
+    assert chosen.full.squares == pytest.approx(alone.full.squares, rel=1e-6)
     assert shares == sorted(shares)
     assert shares[-1] < 1.0
 

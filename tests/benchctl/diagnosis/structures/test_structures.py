@@ -50,10 +50,10 @@ def test_a_kink_of_the_scale_factor_is_found_at_its_temperature(tmp_path: Path) 
     assert told.fit.heldout_after < 1.05 * told.fit.noise < 0.7 * told.fit.heldout_named
     curve = told.unexplained.models[0].curve
     assert curve is not None
-    assert np.std(curve.left) < 0.05 * np.std(curve.asked)
+    assert np.std(curve.left) < 0.05 * np.std(curve.required)
     assert ((curve.low <= curve.fitted) & (curve.fitted <= curve.high)).all()
     at_place = np.interp(curve.place, curve.along, curve.fitted)
-    assert np.std(curve.asked - at_place) < 0.05 * np.std(curve.asked)
+    assert np.std(curve.required - at_place) < 0.05 * np.std(curve.required)
     _is_written_and_read_back(told, tmp_path)
     assert "effect slope_change" in write_effect(tmp_path / "slope_change.py", told)
     assert "class SlopeChange(PhysicalEffect)" in (tmp_path / "slope_change.py").read_text(encoding="utf-8")
