@@ -33,7 +33,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Raises `UsageError` if the disk refuses, or if `path` is a folder, a device or a pipe.
     """
-    temporary = beside(path)
+    temporary = temporary_path(path)
     with disk_errors(path):
         if path.exists() and not path.is_file():
             raise UsageError(f"{path}: cannot be written: it is there already and no file; name a file")
@@ -55,7 +55,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
     if path.name in ("", ".."):
         raise UsageError(f"{path}: is a folder that cannot be replaced while it is in use; name a new one in it")
     require_empty(path)
-    temporary = beside(path)
+    temporary = temporary_path(path)
     with disk_errors(path):
         try:
             temporary.mkdir()
@@ -135,6 +135,6 @@ def sync_folder(path: Path) -> None:
         os.close(descriptor)
 
 
-def beside(path: Path) -> Path:
+def temporary_path(path: Path) -> Path:
     """Return a temporary name in the same folder, hence on the same disk, that no reader takes for a recording."""
     return path.with_name(f".{path.name}.{os.getpid()}.tmp")

@@ -31,7 +31,7 @@ class Certificate(Table):
         return value
 
     @property
-    def says(self) -> str:
+    def source(self) -> str:
         """A description of the certificate as the source of its uncertainties."""
         return f"certificate{f' {self.number}' if self.number else ''}, k = {self.k:g}"
 
@@ -99,7 +99,7 @@ class Expired:
     started: date
 
     @property
-    def says(self) -> str:
+    def message(self) -> str:
         """A one-line message."""
         who = " ".join(part for part in (self.role, self.model, self.serial) if part)
         if self.calibrated_until < self.started:

@@ -122,16 +122,14 @@ def _believed(path: Path, part: Part) -> tuple[Mapping[str, Any], tuple[str, ...
         simulation, table = model.parts.get(part), f"[parts.{part}]"
         effects = simulation.get(EFFECTS, {}) if simulation else {}
     if simulation is None:
-        raise UsageError(
-            f"model {path}: has no {table}: it says nothing of what the {part} should have done; add the table"
-        )
+        raise UsageError(f"model {path}: has no {table}: it does not describe the {part}; add the table")
     others = ", ".join(effects)
     notes = (f"The effects of {path.name} ({others}) are not taken for granted: they were looked for.",)
     return simulation, notes if others else ()
 
 
-def _as_model(told: Mapping[str, Any]) -> Model:
-    return Model(**{name: part for name, part in told.items() if name != "format"})
+def _as_model(data: Mapping[str, Any]) -> Model:
+    return Model(**{name: part for name, part in data.items() if name != "format"})
 
 
 _DIGITS = 6

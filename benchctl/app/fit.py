@@ -131,16 +131,16 @@ def _taken_off(model: Path | None) -> Discovered:
         raise UsageError(f"model {model}: {err}") from err
 
 
-def _fitted(joined: Recording, recordings: Sequence[Recording], beside: Discovered) -> FitResult:
+def _fitted(joined: Recording, recordings: Sequence[Recording], discovered: Discovered) -> FitResult:
     if any(info.kind == KIND for recording in recordings for info in recording.infos):
-        if beside:
+        if discovered:
             raise UsageError("--model: from a table of static points nothing is taken off; fit it without")
         return _fit_points(recordings)
     if turned := turned_steps(joined):
-        if beside:
+        if discovered:
             raise UsageError("--model: from a unit of three axes nothing is taken off; fit it without")
         return _fit_axes(joined, turned, recordings)
-    return _fit_runs(joined, recordings, beside)
+    return _fit_runs(joined, recordings, discovered)
 
 
 def _fit_axes(joined: Recording, turned: Sequence[int], recordings: Sequence[Recording]) -> FitResult:
@@ -157,8 +157,8 @@ def _fit_axes(joined: Recording, turned: Sequence[int], recordings: Sequence[Rec
     )
 
 
-def _fit_runs(joined: Recording, recordings: Sequence[Recording], beside: Discovered) -> FitResult:
-    result = calibrate(joined.stored_steps(), joined.meta, CalibrationOptions(discovered=beside))
+def _fit_runs(joined: Recording, recordings: Sequence[Recording], discovered: Discovered) -> FitResult:
+    result = calibrate(joined.stored_steps(), joined.meta, CalibrationOptions(discovered=discovered))
     meta, infos = joined.meta, joined.infos
     digest = ", ".join(source_digest(recording) for recording in recordings)
     content = _with_stated(coefficients(result, _sources(recordings)))

@@ -1,4 +1,4 @@
-"""Write a package with a driver to fill in, its simulated instrument, and a test that passes as it stands.
+"""Write a package with a driver to fill in, its simulated instrument, and a test that passes without changes.
 
 The templates are in `templates/KIND/PROTOCOL`: paths and texts of the files of the package. `NAME` in a path and
 `$name` in a text are the model, `$class_name` and `$title` the same as a class and in words.

@@ -36,10 +36,10 @@ class Messenger:
         if recipients:
             self._thread.start()
 
-    def send(self, event: Event, says: str) -> None:
+    def send(self, event: Event, message: str) -> None:
         """Send a message, if the event is one to report; return at once."""
         if self._recipients and event in self._on:
-            self._waiting.put((f"{event}: {self._subject}", f"{says}\n{self._campaign.absolute()}"))
+            self._waiting.put((f"{event}: {self._subject}", f"{message}\n{self._campaign.absolute()}"))
 
     def hear(self, kind: str, data: Mapping[str, object]) -> list[str]:
         """Report an event of a running campaign; return the messages that were not delivered since the last call."""
@@ -109,14 +109,14 @@ def messages_about(plan: Plan, bench: Bench, campaign: Path, warn: Callable[[str
         raise
     finally:
         messenger.close()
-        for says in messenger.failures:
-            warn(says)
+        for message in messenger.failures:
+            warn(message)
 
 
-def send_result(plan: Plan, bench: Bench, campaign: Path, says: str, warn: Callable[[str], None]) -> None:
+def send_result(plan: Plan, bench: Bench, campaign: Path, message: str, warn: Callable[[str], None]) -> None:
     """Send the result of a campaign that has ended; `warn` is as in `messages_about`."""
     with messages_about(plan, bench, campaign, warn) as messenger:
-        messenger.send("result", says)
+        messenger.send("result", message)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

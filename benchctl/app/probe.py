@@ -15,7 +15,7 @@ from benchctl_instruments.simulated.clock import ScaledClock
 
 @dataclass(frozen=True, slots=True)
 class Probed:
-    """The questions in the order in which they were asked, and the drivers that recognise the device, best first."""
+    """The questions in the order in which they were sent, and the drivers that recognise the device, best first."""
 
     exchanges: tuple[Inquiry, ...]
     matches: tuple[Match, ...]

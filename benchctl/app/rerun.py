@@ -300,8 +300,8 @@ def _of_groups(rerun: Rerun) -> Iterator[str]:
         yield from _group("acceptance", rerun.first.unlike_stated)
 
 
-def _group(title: str, told: Iterable[str]) -> Iterator[str]:
-    first, *more = tuple(told) or ("the same",)
+def _group(title: str, changes: Iterable[str]) -> Iterator[str]:
+    first, *more = tuple(changes) or ("the same",)
     yield f"{title:{_GROUP}}{first}"
     yield from (f"{'':{_GROUP}}{line}" for line in more)
 

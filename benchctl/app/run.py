@@ -18,8 +18,8 @@ from benchctl.atomic import refuse_existing, refuse_folder
 from benchctl.bench import Bench, load_bench
 from benchctl.campaign.check import expiring, refuse_problems
 from benchctl.campaign.guard.keeper import guarded
-from benchctl.campaign.hands import AnsweringHands, Answers, Question, questions
 from benchctl.campaign.opened import OpenBench, open_bench
+from benchctl.campaign.operator import AnswerFile, Answers, Question, questions
 from benchctl.campaign.resume import Past, past_of, steps_to_play, whole_steps
 from benchctl.campaign.runner import AbortedError, Outcome, Progress, no_progress, run_campaign
 from benchctl.campaign.safety import SafeState
@@ -94,7 +94,7 @@ def play(
     if answers is not None:
         answers.refuse_unanswered(questions_asked(plan, bench, past))
     for certificate in expiring(plan, bench, past.first if past else 1):
-        watch.warn(certificate.says)
+        watch.warn(certificate.message)
     if bench.by_hand:
         watch.warn(WARNING)
     elapsed_s = past.elapsed_s if past else 0.0
@@ -109,16 +109,16 @@ def play(
         ):
             heed_file(stop, folder)
             if answers is not None:
-                then = opened.hands if bench.simulated else None
-                opened = replace(opened, hands=AnsweringHands(answers, bench.unit.serial, then))
+                then = opened.operator if bench.simulated else None
+                opened = replace(opened, operator=AnswerFile(answers, bench.unit.serial, then))
             outcome = run_campaign(
                 plan, opened, folder, stop=stop, progress=progress, listener=messenger.hear, guard=guard, past=past
             )
         forget_stop(folder)
         try:
-            for says in messenger.end(outcome):
+            for message in messenger.end(outcome):
                 with suppress(UsageError):  # a disk error hides no other error
-                    append_event(folder / JOURNAL, "notify", {"says": says})
+                    append_event(folder / JOURNAL, "notify", {"says": message})
         finally:  # Ctrl-C may end the wait for a mail server
             _seal(outcome, watch.warn)
     return outcome

@@ -28,7 +28,7 @@ class PlanProblem:
     """A problem of a plan, and the first step that has it; `step` counts from 1."""
 
     step: int
-    says: str
+    message: str
 
 
 def problems(plan: Plan, bench: Bench) -> list[PlanProblem]:
@@ -41,11 +41,11 @@ def problems(plan: Plan, bench: Bench) -> list[PlanProblem]:
         for fault in tuple(faults(step)) or tuple(_beyond(step, bench, sinusoids)):
             kind = _NUMBER.sub("", fault)
             count[kind] += 1
-            first.setdefault(kind, PlanProblem(step=number, says=f"{step.label}: {fault}"))
+            first.setdefault(kind, PlanProblem(step=number, message=f"{step.label}: {fault}"))
     return [
         PlanProblem(
             step=each.step,
-            says=f"{each.says}{f'; {more} more steps have this problem' if (more := count[kind] - 1) else ''}",
+            message=f"{each.message}{f'; {more} more steps have this problem' if (more := count[kind] - 1) else ''}",
         )
         for kind, each in first.items()
     ]
@@ -64,8 +64,11 @@ def room_problems(plan: Plan, bench: Bench, folder: Path) -> list[PlanProblem]:
     if fills is None:
         return []
     needs = disk_bytes(plan, rate_hz)
-    text = f"the disk would be full: the campaign needs {needs / 1e6:.0f} MB, {free / 1e6:.0f} MB are free at {folder}"
-    return [PlanProblem(step=fills, says=f"{plan.steps[fills - 1].label}: {text}; make room or choose another folder")]
+    message = (
+        f"{plan.steps[fills - 1].label}: the disk would be full: the campaign needs {needs / 1e6:.0f} MB, "
+        f"{free / 1e6:.0f} MB are free at {folder}; make room or choose another folder"
+    )
+    return [PlanProblem(step=fills, message=message)]
 
 
 def refuse_problems(plan: Plan, bench: Bench, folder: Path) -> None:
@@ -81,7 +84,7 @@ def refuse_problems(plan: Plan, bench: Bench, folder: Path) -> None:
 def refusal(plan: Plan, found: Sequence[PlanProblem]) -> str:
     """Return in one line why a plan cannot be run: the first problem and the number of further ones."""
     more = f"; {len(found) - 1} more problems, which benchctl check lists" if len(found) > 1 else ""
-    return f"procedure {plan.procedure}, step {found[0].step}: {found[0].says}{more}"
+    return f"procedure {plan.procedure}, step {found[0].step}: {found[0].message}{more}"
 
 
 def bench_time_s(plan: Plan, bench: Bench) -> float:
@@ -171,5 +174,5 @@ def as_event(expired: Expired) -> dict[str, str]:
         "instrument": expired.role,
         "serial": expired.serial,
         "calibrated_until": expired.calibrated_until.isoformat(),
-        "says": expired.says,
+        "says": expired.message,
     }

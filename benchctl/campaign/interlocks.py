@@ -29,10 +29,10 @@ Looks = Mapping[str, Range]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """An interlock that went on or off: `says` is its limit in words, `value` the measured value, `now_s` the time."""
+    """An interlock that went on or off: `limit` is its limit in words, `value` the measured value, `now_s` the time."""
 
     interlock: Interlock
-    says: str
+    limit: str
     on: bool
     value: float
     now_s: float
@@ -47,15 +47,15 @@ class FollowedLimit:
         self.interlock = interlock
         self.look = "encoder_dps2" if by_encoder else interlock.quantity
         whose = f"{interlock.quantity}{' by the encoder' if by_encoder else ''}"
-        self.says = f"{whose} {side} {at:g}{f' for {interlock.for_s:g} s' if interlock.for_s else ''}"
+        self.text = f"{whose} {side} {at:g}{f' for {interlock.for_s:g} s' if interlock.for_s else ''}"
         self.on: Change | None = None
         self._sign = 1.0 if side == "above" else -1.0  # a lower limit is an upper limit of the negated value
         self._at = self._sign * at
         self._since_s: float | None = None
 
-    def see(self, now_s: float, seen: Range) -> Change | None:
+    def see(self, now_s: float, values: Range) -> Change | None:
         """Update with a look; return the change, if there is one. A NaN changes nothing."""
-        outer = max(self._sign * value for value in seen)
+        outer = max(self._sign * value for value in values)
         if math.isnan(outer):
             return None
         if outer > self._at and self._since_s is None:
@@ -65,7 +65,7 @@ class FollowedLimit:
         beyond = self._since_s is not None and now_s - self._since_s >= self.interlock.for_s
         if beyond == (self.on is not None):
             return None
-        change = Change(interlock=self.interlock, says=self.says, on=beyond, value=self._sign * outer, now_s=now_s)
+        change = Change(interlock=self.interlock, limit=self.text, on=beyond, value=self._sign * outer, now_s=now_s)
         self.on = change if beyond else None
         return change
 
@@ -102,7 +102,7 @@ class Interlocks:
 def words(interlocks: Iterable[Interlock]) -> str:
     """Return interlocks in one line, each with its action."""
     limits = (limit for interlock in interlocks for limit in limits_of(interlock))
-    return ", ".join(f"{limit.says} ({limit.interlock.action})" for limit in limits)
+    return ", ".join(f"{limit.text} ({limit.interlock.action})" for limit in limits)
 
 
 def limits_of(interlock: Interlock, *, by_encoder: bool = False) -> list[FollowedLimit]:

@@ -13,7 +13,7 @@ from typing import Any, cast
 import tomli_w
 
 from benchctl.bench import Bench, InstrumentEntry
-from benchctl.campaign.hands import Hands, NoHands, SimulatedHands, hands_at_the_terminal, request_turn
+from benchctl.campaign.operator import NoOperator, Operator, SimulatedOperator, operator_at_terminal, request_turn
 from benchctl.campaign.reserved import reserved
 from benchctl.closeness import meant
 from benchctl.processors import on_one_processor
@@ -35,7 +35,7 @@ from benchctl_instruments.simulated.world import World
 FASTEST = 2.0
 """A change of the encoder's count that is faster than this multiple of the bench's rate limit is not motion."""
 
-NO_HANDS = NoHands()
+NO_OPERATOR = NoOperator()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +44,7 @@ class OpenBench:
 
     `epoch_s` is the clock at the start of the recording, `elapsed_s` the time in the recording at which the digitizer's
     own counter was at zero; `reached` states how the instruments were reached. `simulated` are the servers, if they run
-    in this process. `gyro` is the digital gyro, if the bench has one. `hands` perform operator actions.
+    in this process. `gyro` is the digital gyro, if the bench has one. `operator` performs the operator actions.
     """
 
     bench: Bench
@@ -58,7 +58,7 @@ class OpenBench:
     elapsed_s: float = 0.0
     simulated: SimulatedBench | None = None
     gyro: Gyro | None = None
-    hands: Hands = NO_HANDS
+    operator: Operator = NO_OPERATOR
 
 
 @contextmanager
@@ -86,7 +86,7 @@ def open_bench(
             reached = "at their addresses"
             abandoned = stack.enter_context(reserved(bench, purpose))
             clock: Clock = ScaledClock(bench.time_factor)
-            hands = hands_at_the_terminal(bench)
+            operator = operator_at_terminal(bench)
             instruments = drivers_at(bench, clock, {})
         elif wires:
             reached = "simulated, over their wires"
@@ -94,7 +94,7 @@ def open_bench(
             stack.enter_context(on_one_processor())
             simulated = stack.enter_context(simulated_bench(bench, virtual))
             clock, instruments = virtual, drivers_at(bench, virtual, simulated.addresses)
-            hands = SimulatedHands(simulated.world)
+            operator = SimulatedOperator(simulated.world)
         else:
             if bench.gyro is not None:
                 raise UsageError("gyro: it sends over a wire, and this simulation does without; leave [gyro] out")
@@ -104,7 +104,7 @@ def open_bench(
             virtual = VirtualClock()
             settings = world_settings(bench)
             world = World(virtual, settings, effects_of(bench, settings))
-            clock, hands = virtual, SimulatedHands(world)
+            clock, operator = virtual, SimulatedOperator(world)
             instruments = {
                 "rate_table": DirectRateTable(world),
                 "chamber": DirectChamber(world),
@@ -113,7 +113,7 @@ def open_bench(
             if bench.by_hand:
                 instruments |= _turned_by_hand(bench, clock, instruments["digitizer"])
         if isinstance(table := instruments["rate_table"], ManualTable):
-            table.operator = partial(hands.turn, meanwhile=lambda: None) if bench.simulated else request_turn
+            table.operator = partial(operator.turn, meanwhile=lambda: None) if bench.simulated else request_turn
         identities = _open_all(stack, instruments, bench)
         if "digitizer" in abandoned:
             instruments["digitizer"].stop_stream()  # left streaming by a killed run on this machine
@@ -129,7 +129,7 @@ def open_bench(
             elapsed_s=elapsed_s,
             simulated=simulated,
             gyro=instruments.get("gyro"),
-            hands=hands,
+            operator=operator,
         )
 
 

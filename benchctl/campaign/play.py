@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from benchctl.campaign.frames import NoFrames, StepFrames, frame_channels, frames_of
-from benchctl.campaign.hands import Hands, Meanwhile
 from benchctl.campaign.interlocks import Change
 from benchctl.campaign.opened import OpenBench
+from benchctl.campaign.operator import Meanwhile, Operator
 from benchctl.campaign.rest import wait_for_rest
 from benchctl.campaign.safety import Supervisor, rest_s
 from benchctl.campaign.soak import SOAK_CHANNELS, SoakWatch, one_poll
@@ -28,6 +28,7 @@ from benchctl_instruments.errors import InstrumentError, SafetyError
 from benchctl_instruments.interfaces import Position
 
 Notify = Callable[[str], None]
+Act = Callable[[Operator, Meanwhile], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +188,7 @@ class StepPlayer:
             self.gyro_c, gyro_v = gyro
             watch.see(self.now_s(), air.temperature_c, self.gyro_c)
             into.append_point(one_poll(self.now_s(), air, {"poll_gyro_temp_c": self.gyro_c, "poll_gyro_v": gyro_v}))
-            self.notify(watch.says)
+            self.notify(watch.state)
         return Span(t_start=watch.begin_s, t_end=self.now_s())
 
     def _stream(self, step: Step, into: StepWriter) -> Span:
@@ -278,7 +279,7 @@ def power_cycle(player: StepPlayer, step: PowerCycle, into: StepWriter) -> Span:
     """Have the supply switched off and on; the span lasts from off to on."""
     clock = player.opened.clock
     _rest_confirmed(player)
-    have_done(player, "supply off", lambda hands, meanwhile: hands.power(False, meanwhile))
+    await_operator(player, "supply off", lambda who, meanwhile: who.power(False, meanwhile))
     off_s, end_s, polled = player.now_s(), clock.now() + step.off_s, False
     while clock.now() < end_s or not polled:
         player.notify("supply off")
@@ -291,14 +292,14 @@ def power_cycle(player: StepPlayer, step: PowerCycle, into: StepWriter) -> Span:
 
 def mount(player: StepPlayer, step: Mount, into: StepWriter) -> Span:
     """Have the unit mounted."""
-    span = _done_at_rest(player, step.label, into, lambda hands, meanwhile: hands.mount(step.position, meanwhile))
+    span = _operator_step(player, step.label, into, lambda who, meanwhile: who.mount(step.position, meanwhile))
     player.position = step.position
     return span
 
 
 def ask(player: StepPlayer, step: Ask, into: StepWriter) -> Span:
     """Have the requested action performed."""
-    return _done_at_rest(player, step.says, into, lambda hands, meanwhile: hands.ask(step.says, meanwhile))
+    return _operator_step(player, step.says, into, lambda who, meanwhile: who.ask(step.says, meanwhile))
 
 
 def switch_on(player: StepPlayer) -> None:
@@ -308,14 +309,14 @@ def switch_on(player: StepPlayer) -> None:
 
 
 def _have_switched_on(player: StepPlayer) -> None:
-    have_done(player, "supply on", lambda hands, meanwhile: hands.power(True, meanwhile))
+    await_operator(player, "supply on", lambda who, meanwhile: who.power(True, meanwhile))
 
 
-def _done_at_rest(player: StepPlayer, says: str, into: StepWriter, act: Callable[[Hands, Meanwhile], None]) -> Span:
+def _operator_step(player: StepPlayer, action: str, into: StepWriter, act: Act) -> Span:
     """Have an action performed while the table is at rest, then record one poll."""
     _rest_confirmed(player)
     begun_s = player.now_s()
-    have_done(player, says, act)
+    await_operator(player, action, act)
     _rest_confirmed(player)
     while not _poll(player, into):
         player.wait(player.opened.clock.chunk_s)
@@ -328,7 +329,7 @@ def _rest_confirmed(player: StepPlayer) -> None:
     player.rest(_SETTLE_S)
 
 
-def have_done(player: StepPlayer, says: str, act: Callable[[Hands, Meanwhile], None]) -> None:
+def await_operator(player: StepPlayer, action: str, act: Act) -> None:
     """Have an operator perform an action; the bench is supervised while the operator is waited for."""
     opened, supervisor = player.opened, player.supervisor
     began_s, waits = opened.clock.now(), False
@@ -336,15 +337,15 @@ def have_done(player: StepPlayer, says: str, act: Callable[[Hands, Meanwhile], N
     def meanwhile() -> None:
         nonlocal waits
         if not waits:
-            supervisor.event("waiting", says=says, by=opened.hands.who)
+            supervisor.event("waiting", says=action, by=opened.operator.who)
         waits = True
         # the table's state is not checked: opening the chamber's door may cut the servo off
-        player.notify(f"waiting for {opened.hands.who}: {says}")
+        player.notify(f"waiting for {opened.operator.who}: {action}")
         player.wait(opened.clock.chunk_s)
         supervisor.look_at_chamber()
 
-    act(opened.hands, meanwhile)
-    supervisor.event("operator", says=says, by=opened.hands.who, waited_s=round(opened.clock.now() - began_s, 3))
+    act(opened.operator, meanwhile)
+    supervisor.event("operator", says=action, by=opened.operator.who, waited_s=round(opened.clock.now() - began_s, 3))
 
 
 def _poll(player: StepPlayer, into: StepWriter) -> bool:
@@ -387,7 +388,7 @@ def hold_if_asked(player: StepPlayer) -> None:
             waited_s = clock.now() - max(began_s, change.now_s)
             if waited_s > (change.interlock.give_up_s or 0.0):
                 raise SafetyError(
-                    f"on hold for {waited_s:.0f} s: {change.says} ({change.value:.6g} at first), and it is not over; "
+                    f"on hold for {waited_s:.0f} s: {change.limit} ({change.value:.6g} at first), and it is not over; "
                     "find out why, then run again"
                 )
         player.wait(2 * clock.chunk_s)
@@ -405,4 +406,4 @@ def _look_at_all(player: StepPlayer) -> None:
 
 
 def _reasons(holds: list[Change]) -> str:
-    return ", ".join(change.says for change in holds)
+    return ", ".join(change.limit for change in holds)

@@ -13,8 +13,8 @@ from typing import Any, Protocol
 from benchctl.campaign.check import as_event, expiring, refuse_problems
 from benchctl.campaign.differences import refuse_other_instruments
 from benchctl.campaign.guard.keeper import Guard, NoGuard
-from benchctl.campaign.hands import refuse_without_hands
 from benchctl.campaign.opened import OpenBench
+from benchctl.campaign.operator import require_operator
 from benchctl.campaign.play import StepPlayer, hold_if_asked, switch_on
 from benchctl.campaign.provenance import describe, software
 from benchctl.campaign.resume import Past, soak_before, steps_to_play, whole_steps
@@ -139,7 +139,7 @@ def run_campaign(
     refuse_problems(plan, opened.bench, folder)
     to_play = steps_to_play(plan, past.infos if past else (), opened.bench.safe.chamber_c)
     by_hand = opened.bench.by_hand
-    refuse_without_hands(plan.procedure, ((number, step) for _, number, step in to_play), opened.hands, by_hand=by_hand)
+    require_operator(plan.procedure, ((number, step) for _, number, step in to_play), opened.operator, by_hand=by_hand)
     if past is not None:
         refuse_other_instruments(past.meta, opened.identities)
     refuse_bench_in_use(opened)
@@ -151,7 +151,7 @@ def run_campaign(
         recording=run.recording,
         status=run.status,
         planned=len(plan.steps),
-        whole=run.whole,
+        whole=run.complete,
         samples=run.samples,
         bench_time_s=opened.clock.now() - opened.epoch_s,
         wall_time_s=time.monotonic() - wall_s,
@@ -181,16 +181,16 @@ class _Run:
         self.plan, self.opened, self.stop, self.progress, self.guard = plan, opened, stop, progress, guard
         self._listener = listener
         self._to_play = [(number, number, step) for number, step in enumerate(plan.steps, 1)]
-        self.whole = self.samples = 0
+        self.complete = self.samples = 0
         filed: list[int] = []
         if past is None:
             self.writer = CampaignWriter(folder, describe(opened, plan, "running"))
         else:
             self.writer, infos = past.reopen()
             self._to_play = list(steps_to_play(plan, infos, self._start_c()))
-            self.whole, self.samples = len(whole_steps(plan, infos)), sum(info.samples for info in infos)
+            self.complete, self.samples = len(whole_steps(plan, infos)), sum(info.samples for info in infos)
             filed = [info.index for info in infos]
-            self.event("resume", elapsed_s=opened.elapsed_s, day=past.day, whole=self.whole, software=software())
+            self.event("resume", elapsed_s=opened.elapsed_s, day=past.day, whole=self.complete, software=software())
         for piece in plan_events(plan, opened.bench.limits, self._start_c()):
             self.event("plan", **piece)
         for certificate in expiring(plan, opened.bench, past.first if past else 1):
@@ -211,8 +211,8 @@ class _Run:
         """Record an event with the bench's time."""
         bench_s = round(self.opened.clock.now() - self.opened.epoch_s, 3)
         self.writer.event(kind, bench_s=bench_s, **data)
-        for says in self._listener(kind, data):
-            self.writer.event("notify", bench_s=bench_s, says=says)
+        for message in self._listener(kind, data):
+            self.writer.event("notify", bench_s=bench_s, says=message)
 
     def play(self) -> None:
         """Play all steps, then bring the bench to rest, then close the recording."""
@@ -283,7 +283,7 @@ class _Run:
         self.event("step", index=index, number=number, name=step.label)
         info = self._player.play(index, step)
         self.writer.step_over(info)
-        self.whole += index == number
+        self.complete += index == number
         self.samples += info.samples
 
     def _free_index(self) -> int:

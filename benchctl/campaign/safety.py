@@ -25,7 +25,7 @@ AIR_MARGIN_C = 3.0
 _LOOK_FOR_MOTION_S = 1.0
 """Bench time in which a table that no program uses is found to be at rest."""
 
-HAND_CHUNKS = 240
+OPERATOR_CHUNKS = 240
 """Time for an operator to stop a manual table, in chunks of the clock: 120 s if bench time is wall time."""
 
 Event = Callable[..., None]
@@ -132,10 +132,10 @@ class Supervisor:
         """Check quantities, named as in bench.toml, against the interlocks; `SafetyError` if one demands a stop."""
         changes = self.interlocks.see(self.opened.clock.now(), looks)
         for change in changes:
-            self.event("interlock", says=change.says, on=change.on, value=change.value, action=change.interlock.action)
+            self.event("interlock", says=change.limit, on=change.on, value=change.value, action=change.interlock.action)
         for change in changes:
             if change.on and change.interlock.action == "stop":
-                raise SafetyError(f"interlock {change.says}: {change.value:.6g} was measured; {FIND_OUT}")
+                raise SafetyError(f"interlock {change.limit}: {change.value:.6g} was measured; {FIND_OUT}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,7 +206,7 @@ def bring_to_rest(opened: OpenBench, beat: Callable[[], None] = lambda: None) ->
 def rest_s(opened: OpenBench) -> float:
     """Return the bench time [s] within which this bench's table comes to rest, or is stopped by its operator."""
     by_itself_s = rest_within_s(opened.bench.limits.rate_dps, opened.bench.limits.acceleration_dps2)
-    return by_itself_s + (HAND_CHUNKS * opened.clock.chunk_s if opened.bench.by_hand else 0.0)
+    return by_itself_s + (OPERATOR_CHUNKS * opened.clock.chunk_s if opened.bench.by_hand else 0.0)
 
 
 def _one(value: float) -> Range:

@@ -37,7 +37,7 @@ class SoakWatch:
     from_c: float
     begin_s: float
     limits: Limits
-    says: str = "going to the set point"
+    state: str = "going to the set point"
     done: bool = False
     held_s: float | None = None
     drift_c_per_min: float = 0.0
@@ -58,16 +58,16 @@ class SoakWatch:
             self._gyro.popleft()
         if abs(air_c - step.setpoint_c) > step.tolerance_c:
             self._within_since_s = None
-            self.says = "going to the set point"
+            self.state = "going to the set point"
         elif self._within_since_s is None:
             self._within_since_s = now_s
-            self.says = "soaking"
+            self.state = "soaking"
         self.held_s = None if self._within_since_s is None else now_s - self._within_since_s
         self.drift_c_per_min = drift = self._drift()
         has_held = self.held_s is not None and self.held_s >= step.hold_s
         self.done = has_held and abs(drift) <= step.drift_c_per_min
         if has_held and not self.done:
-            self.says = f"waiting for the gyro, {drift:+.3f} °C/min"
+            self.state = f"waiting for the gyro, {drift:+.3f} °C/min"
         travel_s = abs(step.setpoint_c - self.from_c) / self.limits.ramp_c_per_min * 60.0
         if not self.done and now_s - self.begin_s > travel_s + step.hold_s + step.timeout_s:
             raise SafetyError(

@@ -46,22 +46,22 @@ class StopRequest:
 
     def __init__(self) -> None:
         self.reason = ""
-        self._asked: Callable[[], str] | None = None
+        self._look_for_request: Callable[[], str] | None = None
         self._look_s = 0.0
 
     def ask(self, reason: str) -> None:
         """Request a stop; the first reason is kept."""
         self.reason = self.reason or reason
 
-    def watch(self, asked: Callable[[], str]) -> None:
+    def watch(self, request: Callable[[], str]) -> None:
         """Let `heed` also call this function, at most five times a second; it returns who requests a stop, or ""."""
-        self._asked = asked
+        self._look_for_request = request
 
     def heed(self) -> None:
         """Raise `StoppedError` if a stop was requested."""
-        if self._asked is not None and time.monotonic() >= self._look_s:
+        if self._look_for_request is not None and time.monotonic() >= self._look_s:
             self._look_s = time.monotonic() + _LOOK_EVERY_S
-            self.ask(self._asked())
+            self.ask(self._look_for_request())
         if self.reason:
             raise StoppedError(f"stopped by {self.reason}")
 
@@ -131,14 +131,14 @@ def heed_file(stop: StopRequest, folder: Path) -> None:
     """Let a run's `stop` also obey the request in its campaign's folder, which need not exist yet."""
     path = folder / STOP
 
-    def asked() -> str:
+    def request() -> str:
         try:
             path.stat()
         except OSError:
             return ""
         return f"the live page ({_who(path)})"
 
-    stop.watch(asked)
+    stop.watch(request)
 
 
 def forget_stop(folder: Path) -> None:

@@ -6,14 +6,14 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from benchctl.campaign.hands import say, turn_question
-from benchctl.campaign.play import StepPlayer, have_done
+from benchctl.campaign.operator import say, turn_question
+from benchctl.campaign.play import StepPlayer, await_operator
 from benchctl.campaign.rest import AT_REST_DPS
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.rate_tables.manual import ManualTable
 
 ATTEMPTS = 3
-"""How often the operator is asked for a rate that the encoder does not show."""
+"""Number of prompts for a rate that the encoder does not show."""
 
 PATIENCE_CHUNKS = 40
 """Time after an answer until the encoder shows the rate, in chunks of the clock: 20 s if bench time is wall time."""
@@ -27,14 +27,14 @@ def turned_by_operator(player: StepPlayer) -> Iterator[None]:
         yield
         return
     unsupervised = table.operator
-    table.operator = lambda rate_dps: have_turned(player, rate_dps)
+    table.operator = lambda rate_dps: await_turn(player, rate_dps)
     try:
         yield
     finally:
         table.operator = unsupervised
 
 
-def have_turned(player: StepPlayer, rate_dps: float) -> None:
+def await_turn(player: StepPlayer, rate_dps: float) -> None:
     """Have the operator set a rate, or stop the table (0), until the encoder shows it.
 
     Raises
@@ -48,7 +48,7 @@ def have_turned(player: StepPlayer, rate_dps: float) -> None:
     for attempt in range(ATTEMPTS):
         if attempt:
             say(f"the encoder shows {shown_dps:+.3f} deg/s, expected {expected}")
-        have_done(player, turn_question(rate_dps), lambda hands, meanwhile: hands.turn(rate_dps, meanwhile))
+        await_operator(player, turn_question(rate_dps), lambda who, meanwhile: who.turn(rate_dps, meanwhile))
         for _ in range(PATIENCE_CHUNKS):
             player.wait(clock.chunk_s)
             shown_dps = motion.rate_dps if (motion := player.supervisor.motion) else math.nan
@@ -56,7 +56,7 @@ def have_turned(player: StepPlayer, rate_dps: float) -> None:
                 return
             player.notify(f"waiting until the encoder shows {expected}")
     raise InstrumentError(
-        f"rate_table: asked {ATTEMPTS} times to {turn_question(rate_dps)}; the encoder shows {shown_dps:+.3f} deg/s, "
-        f"expected {expected}; look at the table, at encoder_counts_per_rev and encoder_sign in [digitizer], and at "
-        "limits.motion_error_percent"
+        f"rate_table: prompted {ATTEMPTS} times to {turn_question(rate_dps)}; the encoder shows {shown_dps:+.3f} "
+        f"deg/s, expected {expected}; look at the table, at encoder_counts_per_rev and encoder_sign in [digitizer], "
+        "and at limits.motion_error_percent"
     )

@@ -31,7 +31,7 @@ def accept(
     `acceptance.html`, `.pdf`, `.xml` (JUnit) and `.json`. Exit status 1 unless every test with a limit passes.
 
     `--sign` also writes `acceptance.signed.json`, which states what is signed, and its signature `.sig`. The comment of
-    KEY.pub is the signer's name; the passphrase is asked for, or taken from `BENCHCTL_PASSPHRASE`.
+    KEY.pub is the signer's name; benchctl prompts for the passphrase, or takes it from `BENCHCTL_PASSPHRASE`.
 
     Example: `benchctl accept results/20261120-180000_acceptance_SIM-0001 --limits lab/limits.toml`,
     `benchctl accept results/20261120-180000_acceptance_SIM-0001 --limits lab/limits.toml --sign ~/.ssh/id_ed25519`

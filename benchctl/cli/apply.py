@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, RecordingArgument, beside, result_of
+from benchctl.cli.output import JsonOption, QuietOption, RecordingArgument, path_next_to, result_of
 
 
 def apply(
@@ -35,6 +35,6 @@ def apply(
     from benchctl.app.compensate import compensate
 
     with result_of("apply", json_to, quiet) as result:
-        found = compensate(recording, coefficients, output or beside(recording, "_compensated.h5"), law=law)
+        found = compensate(recording, coefficients, output or path_next_to(recording, "_compensated.h5"), law=law)
         result.values |= found.values()
         result.say(str(found))

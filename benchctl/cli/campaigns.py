@@ -18,8 +18,8 @@ from benchctl_instruments.errors import UsageError
 def at_terminal(quiet: bool) -> Watch:
     """Show progress at the terminal, unless `quiet`, and warnings on stderr; a second signal is not heard."""
 
-    def warn(says: str) -> None:
-        tell(f"benchctl: warning: {says}", err=True)
+    def warn(message: str) -> None:
+        tell(f"benchctl: warning: {message}", err=True)
 
     return Watch(warn=warn, progress=live_progress(quiet), deaf_after=True)
 
@@ -50,7 +50,7 @@ def ask_to_resume(past: Past) -> None:
     count = len(past.plan.steps)
     next_step = past.plan.steps[past.first - 1].label
     message = (
-        f"{past.folder}: {past.first - 1} of {count} steps are whole; step {past.first}, {next_step}, is next on "
+        f"{past.folder}: {past.first - 1} of {count} steps are complete; step {past.first}, {next_step}, is next on "
         f"{past.bench.name}. The chamber will be soaked and the table will move."
     )
     if not sys.stdin.isatty():

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 from benchctl.app.run import questions_asked
 from benchctl.atomic import free_bytes, require_empty
 from benchctl.bench import Bench, Limits
 from benchctl.campaign.check import bench_time_s, expiring, problems, refusal, room_problems
-from benchctl.campaign.hands import Answers, answer_line, hands_at_the_terminal, refuse_without_hands
 from benchctl.campaign.interlocks import words
+from benchctl.campaign.operator import Answers, answer_line, operator_at_terminal, require_operator
 from benchctl.campaign.resume import Past, steps_to_play
 from benchctl.campaign.timing import disk_bytes, timeline
 from benchctl.cli.messages import duration, size
@@ -27,7 +27,7 @@ _WORDS = {
     "thermal_ramp": "thermal ramp",
     "power_cycle": "powered off and on",
     "mount": "mounted by an operator",
-    "ask": "asked of the operator",
+    "ask": "done by an operator",
 }
 
 
@@ -44,12 +44,12 @@ def timeline_lines(plan: Plan, limits: Limits, from_c: float) -> Iterator[str]:
 
 
 def _line(began_s: float, end_s: float, setpoint_c: float, block: list[Step]) -> str:
-    parts = [_told(kind, [step for step in block if step.kind == kind]) for kind in _WORDS]
+    parts = [_summary(kind, [step for step in block if step.kind == kind]) for kind in _WORDS]
     runs = ", ".join(part for part in parts if part) or "soak only"
     return f"{duration(began_s):>12}  {setpoint_c:+7.2f} °C  {duration(end_s - began_s):>12}  {runs}"
 
 
-def _told(kind: str, steps: list[Step]) -> str:
+def _summary(kind: str, steps: list[Step]) -> str:
     if not steps:
         return ""
     words = f"{len(steps)} {_WORDS[kind]}"
@@ -77,7 +77,7 @@ def preview(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | No
     needs = disk_bytes(left, bench.recorded_hz) if playable else None
     free = free_bytes(out)
     found += room_problems(plan, bench, out) if playable else []
-    warnings = [each.says for each in expiring(plan, bench, past.first if past else 1)] if playable else []
+    warnings = [each.message for each in expiring(plan, bench, past.first if past else 1)] if playable else []
     warnings += [WARNING] if bench.by_hand else []
     questions = questions_asked(plan, bench, past)
     result.values |= {
@@ -85,15 +85,15 @@ def preview(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | No
         "bench_time_s": takes_s,
         "disk_bytes": needs,
         "disk_free_bytes": free,
-        "problems": [asdict(problem) for problem in found],
+        "problems": [{"step": one.step, "says": one.message} for one in found],
         "warnings": warnings,
-        "questions": [asdict(question) for question in questions],
+        "questions": [{"step": one.step, "says": one.text} for one in questions],
     }
     for warning in warnings:
         result.say(f"warning: {warning}")
     if found:
         for problem in found:
-            result.say(f"step {problem.step}: {problem.says}")
+            result.say(f"step {problem.step}: {problem.message}")
         raise UsageError(refusal(plan, found))
     result.say(
         f"{plan.procedure} on {bench.name}: {len(left.steps)} steps, at least {duration(takes_s or 0)}, "
@@ -107,7 +107,7 @@ def preview(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | No
         result.say(
             f"{len(questions)} questions to the operator; a file for benchctl run --answers would have these lines:"
         )
-        for text in dict.fromkeys(question.says for question in questions):
+        for text in dict.fromkeys(question.text for question in questions):
             result.say(f"  {answer_line(text)}")
 
 
@@ -127,14 +127,14 @@ def preview_run(
     else:
         complete, label = past.first - 1, plan.steps[past.first - 1].label
         result.say(
-            f"{out}: {complete} of {len(plan.steps)} steps are whole; it would go on with step {past.first}, {label}"
+            f"{out}: {complete} of {len(plan.steps)} steps are complete; it would go on with step {past.first}, {label}"
         )
     preview(result, plan, bench, out, past)
     if answers is not None:
         answers.refuse_unanswered(questions_asked(plan, bench, past))
     elif not bench.simulated:
         to_play = steps_to_play(plan, past.infos if past else (), bench.safe.chamber_c)
-        hands = hands_at_the_terminal(bench)
+        operator = operator_at_terminal(bench)
         steps = ((number, step) for _, number, step in to_play)
-        refuse_without_hands(plan.procedure, steps, hands, by_hand=bench.by_hand)
+        require_operator(plan.procedure, steps, operator, by_hand=bench.by_hand)
     result.say("a dry run: no instrument was opened, and nothing has moved or been written")

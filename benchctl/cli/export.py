@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from benchctl.cli.candidates import recordings
-from benchctl.cli.output import JsonOption, QuietOption, beside, result_of
+from benchctl.cli.output import JsonOption, QuietOption, path_next_to, result_of
 
 
 class Format(StrEnum):
@@ -73,7 +73,7 @@ def export(
     from benchctl.recordings.campaign_manifest import add_to_manifest
 
     with result_of("export", json_to, quiet) as result:
-        target = output or beside(source, _ENDINGS[to])
+        target = output or path_next_to(source, _ENDINGS[to])
         if to not in _FOLDERS:
             refuse_folder(target)
         if to in _OF_COEFFICIENTS:

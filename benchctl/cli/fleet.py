@@ -107,7 +107,7 @@ def fleet(
         if others:
             result.say(f"no recordings, left out: {_some(others)}")
         settings = Settings(scheduler=scheduler, workers=workers, out=place, again=again)
-        with stop_on_signals() as stop, _told(verb, len(found), quiet) as on_outcome:
+        with stop_on_signals() as stop, _progress(verb, len(found), quiet) as on_outcome:
             ended = run_fleet(verb, found, options, settings, on_outcome, say, stop)
         written = {"report": write_fleet_page(ended, folder), "summary": folder / "fleet.json"}
         write_fleet_file(written["summary"], ended)
@@ -194,7 +194,7 @@ def _judge(ended: Fleet, stopped: bool, result: Result) -> None:
 
 
 @contextmanager
-def _told(verb: str, total: int, quiet: bool) -> Iterator[Callable[[Job, JobOutcome], None]]:
+def _progress(verb: str, total: int, quiet: bool) -> Iterator[Callable[[Job, JobOutcome], None]]:
     """Show a progress bar at a terminal: number done, failed and remaining, and the remaining time."""
     import time
 

@@ -56,7 +56,7 @@ def init(
             "test": test,
             "schemas": [folder / name for name in schemas],
         }
-        result.say(f"wrote {bench}: simulated as it stands; set simulated = false and the addresses for a real bench")
+        result.say(f"wrote {bench}: the bench is simulated; set simulated = false and the addresses for a real bench")
         result.say(f"wrote {limits}: limits for benchctl accept, to be replaced by those of your gyro")
         result.say(f"wrote {test}: the acceptance as a test, for pytest and CI: pytest {folder}")
-        result.say(f"wrote {' and '.join(schemas)} beside them: editors explain and check the fields by them")
+        result.say(f"wrote {' and '.join(schemas)} next to them: editors explain and check the fields by them")

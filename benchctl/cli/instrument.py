@@ -51,12 +51,12 @@ def instrument(
 
     `probe` only reads: it listens, asks `*IDN?` and the identification queries of all drivers, and reads Modbus
     registers; it shows each question and answer, and the lines of bench.toml for the drivers that match, best first.
-    A serial address without a speed is asked at the speed of each driver. Exit status 0: recognised; 2: it answers,
+    A serial address without a speed is tried at the speed of each driver. Exit status 0: recognised; 2: it answers,
     and no driver recognises it; 3: nothing answers.
 
-    `new chamber NAME` writes a driver, its simulated instrument, a test that passes as it stands, and the entry points
-    by which benchctl finds both after `pip install -e NAME`. For a Modbus controller only the profile, a TOML file,
-    is to be filled in.
+    `new chamber NAME` writes a driver, its simulated instrument, a test that passes without changes, and the entry
+    points by which benchctl finds both after `pip install -e NAME`. For a Modbus controller only the profile, a TOML
+    file, is to be filled in.
 
     Example: `benchctl instrument probe serial:///dev/ttyUSB0?baud=9600`, `benchctl instrument new chamber acme_9000`
     """
@@ -141,10 +141,10 @@ def _new(result: Result, kind: str, name: str, folder: Path, protocol: Literal["
     to_fill = folder / name / (f"{name}.toml" if protocol == "modbus" else "driver.py")
     result.say(f"wrote {folder}: fill in {to_fill} from the manual")
     steps = {
-        f"pytest {folder}": "passes as it stands, over a real connection to its simulated instrument",
+        f"pytest {folder}": "passes without changes, over a real connection to its simulated instrument",
         f"pip install -e {folder}": f'then model = "{name}" under [{kind}] of bench.toml',
         "benchctl help new_driver": "from the manual to a campaign",
     }
     width = max(map(len, steps))
-    for command, says in steps.items():
-        result.say(f"{command:<{width}}  # {says}")
+    for command, purpose in steps.items():
+        result.say(f"{command:<{width}}  # {purpose}")

@@ -17,14 +17,14 @@ from benchctl.cli.messages import tell
 from benchctl_instruments.errors import BenchError, UsageError, reason
 
 
-def toml_option(name: str, says: str) -> Any:
+def toml_option(name: str, description: str) -> Any:
     """Return an option that takes a TOML file, with shell completion."""
-    return typer.Option(name, metavar="FILE", autocompletion=toml_files, help=says)
+    return typer.Option(name, metavar="FILE", autocompletion=toml_files, help=description)
 
 
-def out_option(says: str) -> Any:
+def out_option(description: str) -> Any:
     """Return the option `--out`, which takes a folder."""
-    return typer.Option("--out", metavar="DIR", help=says)
+    return typer.Option("--out", metavar="DIR", help=description)
 
 
 JsonOption = Annotated[
@@ -169,7 +169,7 @@ def _write(verb: str, json_to: str, result: Result) -> None:
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")  # a file name may not be UTF-8
 
 
-def beside(path: Path, ending: str) -> Path:
+def path_next_to(path: Path, ending: str) -> Path:
     """Return a path next to a file or folder: its name without the suffix, plus this ending."""
     named = path if path.name not in ("", "..") else path.resolve()
     return named.with_name(named.stem + ending)

@@ -69,7 +69,7 @@ def prove(
             jobs=jobs,
         )
         folder = out or Path("results") / f"prove_seed{seed}"
-        with stop_on_signals() as stop, _told(result, settings.trials, quiet) as on_event:
+        with stop_on_signals() as stop, _progress(result, settings.trials, quiet) as on_event:
             finished = list(run_proof(settings, folder, on_status=on_event, stop=stop))
         summary = summarize(seed, finished)
         written = write_proof_report(folder, summary)
@@ -107,7 +107,7 @@ def _on_recording(
             raise UsageError("--on: goes with --part, --trials, --seed, --jobs and --out; leave the others out")
         proof = RecordingProof(recording=recording, part=cast("Part", part), seed=seed, trials=trials, jobs=jobs)
         folder = out or Path("results") / f"prove_{recording.stem}_seed{seed}"
-        with stop_on_signals() as stop, _told(result, trials, quiet) as on_event:
+        with stop_on_signals() as stop, _progress(result, trials, quiet) as on_event:
             finished = list(prove_on(proof, folder, on_status=on_event, stop=stop))
         values = as_json(proof, untouched_findings(folder), finished)
         result.values |= {**values, "folder": folder}
@@ -128,7 +128,7 @@ def _generic(wanted: bool | None, result: Result) -> bool:
 
 
 @contextmanager
-def _told(result: Result, trials: int, quiet: bool) -> Iterator[Callable[[int, str], None]]:
+def _progress(result: Result, trials: int, quiet: bool) -> Iterator[Callable[[int, str], None]]:
     """Yield a callback that prints digests as lines and updates a progress bar at a terminal."""
     import threading
 

@@ -41,7 +41,7 @@ def recover(
         }
         done = "was closed before, nothing to do" if closed.was_closed else "closed"
         result.say(f"{closed.recording}: {done}; {closed.status}{f' ({closed.reason})' if closed.reason else ''}")
-        result.say(f"{closed.whole} steps are whole, {len(cut)} cut")
+        result.say(f"{closed.whole} steps are complete, {len(cut)} cut")
         for info in cut:
             result.say(f"cut: step {info.index} {info.name}, {info.samples:,} samples until {info.t_end:.1f} s")
         for file in closed.unreadable:

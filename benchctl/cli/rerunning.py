@@ -46,8 +46,8 @@ class Again:
         result.values["rerun"] = rerun.write(outcome.campaign)
         result.say(f"rerun: {result.values['rerun']}")
         if rerun.accepted is not None:
-            says = ": ".join(filter(None, (rerun.accepted.verdict, rerun.accepted.fails)))
-            send_result(self.plan, self.bench, outcome.campaign, says, warn)
+            verdict = ": ".join(filter(None, (rerun.accepted.verdict, rerun.accepted.fails)))
+            send_result(self.plan, self.bench, outcome.campaign, verdict, warn)
         if rerun.accepted is not None and rerun.accepted.fails:
             result.ok, result.error = False, rerun.accepted.fails
             raise typer.Exit(1)

@@ -86,7 +86,7 @@ def run(
 
     from benchctl.app import run as app
     from benchctl.app.notify import send_result
-    from benchctl.campaign.hands import read_answers
+    from benchctl.campaign.operator import read_answers
     from benchctl.campaign.resume import past_of
     from benchctl.cli.campaigns import ask_to_resume, at_terminal, summary
     from benchctl.plan.find import find_procedure
@@ -136,7 +136,7 @@ def run(
 
 def further_help() -> str:
     """Return an example of the file of answers."""
-    return """An operator's answers, for a plan that asks somebody to do something where nobody is, as in CI: each
+    return """An operator's answers, for a plan with actions of an operator where there is none, as in CI: each
 question in full, as benchctl check lists it, and "done", or "refuse", which ends the run safely with exit status 3.
 Nothing moves where a question has no answer.
 

@@ -141,7 +141,7 @@ def _of_bench(bench: Bench) -> Iterator[Finding]:
     yield ok(BENCH, "bench.toml", f"{bench.name}: valid")
     for each in expired(bench.entries, datetime.now(UTC).date()):
         do = f"have the {each.role} calibrated, or enter its new certificate: reports state that it has expired"
-        yield look(BENCH, "certificate", each.says, do)
+        yield look(BENCH, "certificate", each.message, do)
     if not bench.simulated:
         yield from line_findings(bench)
         return

@@ -73,7 +73,7 @@ def build_recording(
         extra["gyro_output_unit"] = "V" if entries["gyro_v"].conversion.cf == "V" else "deg/s"
     if TIME in raw.values:
         extra["time_origin_s"] = float(units.TIME[mapping.time.unit].apply(raw.values[TIME][:1])[0])
-    provenance = {"treatment": _told(base, raw, mapping.time)}
+    provenance = {"treatment": _treatment(base, raw, mapping.time)}
     if base.survey is not None:
         provenance["treatment_json"] = _told_as_json(base, base.survey, raw.first_row)
     meta = Meta(
@@ -172,7 +172,7 @@ def _summed(base: TimeBase, rate_dps: FloatArray) -> FloatArray:
     return np.mod(np.cumsum(placed * lasted_s), 360.0)
 
 
-def _told(base: TimeBase, raw: RawColumns, entry: TimeEntry) -> str:
+def _treatment(base: TimeBase, raw: RawColumns, entry: TimeEntry) -> str:
     """Return the report in words."""
     if entry.rate_hz is not None:
         return f"no stamps in the file; rows taken as uniform at {entry.rate_hz:.9g} Hz, as the map says"

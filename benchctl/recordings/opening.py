@@ -25,7 +25,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from benchctl.atomic import beside, require_room
+from benchctl.atomic import require_room, temporary_path
 from benchctl.confined import hdf5_name
 from benchctl_instruments.arrays import FloatArray
 
@@ -42,7 +42,7 @@ def create_hdf5(path: Path, *, growing: bool = False) -> h5py.File:
 
     `growing`: for SWMR, even if other processes have the file open. Raises `OSError` if the disk refuses.
     """
-    trial = beside(path)
+    trial = temporary_path(path)
     try:
         with trial.open("wb") as empty:  # once HDF5 has created a file, it must be able to write its first bytes
             _allocate(empty.fileno(), 0, _OWN_RECORDS)

@@ -136,7 +136,7 @@ def _by(certificate: Certificate | None, name: str) -> Stated | None:
     """Return a figure from a certificate; None if there is no certificate, or it does not state the figure."""
     if certificate is None or (figure := getattr(certificate, name)) is None:
         return None
-    return Stated(standard=float(figure) / certificate.k, says=certificate.says)
+    return Stated(standard=float(figure) / certificate.k, says=certificate.source)
 
 
 def _of_encoder(accuracy_arcsec: float) -> Stated:

@@ -37,7 +37,7 @@ _KIND_NAMES: Mapping[str, str] = {
     "thermal_ramp": "thermal ramp",
     "power_cycle": "power cycle",
     "mount": "mounted by an operator",
-    "ask": "asked of the operator",
+    "ask": "done by an operator",
 }
 _KEPT_ASIDE: dict[str, Any] = {"linestyle": "none", "marker": "v", "markersize": 4, "color": INK}
 _FORMATS = (".svg", ".png")

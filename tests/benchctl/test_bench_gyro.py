@@ -119,4 +119,4 @@ def test_frames_need_room_on_the_disk_as_well(tmp_path: Path, monkeypatch: pytes
     plan = Plan(procedure="mine", parameters={}, steps=(Static(duration_s=1000.0),), calibrates=False)
     monkeypatch.setattr("benchctl.campaign.check.free_bytes", lambda folder: 40e6)
     assert room_problems(plan, load_bench("simulated"), tmp_path) == []
-    assert "the disk would be full" in room_problems(plan, bench_with(tmp_path, GYRO), tmp_path)[0].says
+    assert "the disk would be full" in room_problems(plan, bench_with(tmp_path, GYRO), tmp_path)[0].message

@@ -38,9 +38,9 @@ def test_a_certificate_states_its_number_its_factor_and_its_figures(tmp_path: Pa
     table, chamber = bench.rate_table.certificate, bench.chamber.certificate
     assert table is not None
     assert (table.number, table.k, table.encoder_arcsec, table.mounting_deg) == ("LNE 2026-123", 2.0, 2.0, None)
-    assert table.says == "certificate LNE 2026-123, k = 2"
+    assert table.source == "certificate LNE 2026-123, k = 2"
     assert chamber is not None
-    assert (chamber.k, chamber.air_c, chamber.says) == (3.0, 0.3, "certificate, k = 3")
+    assert (chamber.k, chamber.air_c, chamber.source) == (3.0, 0.3, "certificate, k = 3")
     assert bench.digitizer.certificate is None
 
 
@@ -97,7 +97,7 @@ def test_a_certificate_holds_through_its_last_day(tmp_path: Path) -> None:
 
 def test_one_that_ends_before_a_run_does_is_told_apart_from_one_that_has_ended(tmp_path: Path) -> None:
     bench = calibrated(tmp_path, rate_table="2026-11-20", chamber="2026-11-21", digitizer="2026-11-23")
-    assert [each.says for each in expired(bench.entries, TODAY, until=date(2026, 11, 23))] == [
+    assert [each.message for each in expired(bench.entries, TODAY, until=date(2026, 11, 23))] == [
         "rate_table acutrol3000 RA-1: its certificate expired on 2026-11-20",
         "chamber watlow_f4t CH-1: its certificate expires on 2026-11-21, before the run's planned end",
     ]
@@ -108,4 +108,4 @@ def test_an_instrument_without_a_date_never_expires() -> None:
 
 
 def test_a_certificate_without_a_number_says_so_by_having_none() -> None:
-    assert Certificate().says == "certificate, k = 2"
+    assert Certificate().source == "certificate, k = 2"

@@ -210,9 +210,9 @@ class GuardProcess:
         self.lost, self.promise = f"the guard process {why}", ""
         self._note(self.lost)
 
-    def _note(self, says: str) -> None:
+    def _note(self, message: str) -> None:
         with contextlib.suppress(BenchError):  # a full disk ends the run, but not from within a beat
-            self._event("guard", says=says)
+            self._event("guard", says=message)
 
 
 def _orders(bench: Bench, journal: Path) -> Orders:

@@ -54,7 +54,7 @@ RETRY_S = 0.5
 GRACE_S = 60.0
 """Additional wall time for the last attempt."""
 
-Said = queue.SimpleQueue[str | None]
+_Reports = queue.SimpleQueue[str | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,9 +72,9 @@ class _Task:
     The first failure is put into the queue, and None at the end.
     """
 
-    def __init__(self, name: str, act: Callable[[], float], give_up_s: float, said: Said) -> None:
+    def __init__(self, name: str, act: Callable[[], float], give_up_s: float, reports: _Reports) -> None:
         self.read_back: float | None = None
-        self._name, self._act, self._give_up_s, self._said = name, act, give_up_s, said
+        self._name, self._act, self._give_up_s, self._reports = name, act, give_up_s, reports
         self._failure = "no answer at all"
         threading.Thread(target=self._try, name=name, daemon=True).start()
 
@@ -92,27 +92,27 @@ class _Task:
             except Exception as err:  # any error: to give up would leave the bench in motion
                 self._failure = str(err) if isinstance(err, BenchError) else repr(err)
                 if not failed:
-                    self._said.put(f"trying again: {self.problem}")
+                    self._reports.put(f"trying again: {self.problem}")
                 failed = True
                 if time.monotonic() > until_s:
                     break
                 time.sleep(RETRY_S)
-        self._said.put(None)
+        self._reports.put(None)
 
 
-def rescue(orders: Orders, tell: Callable[[str], None], give_up_s: float = GIVE_UP_S) -> Rescued:
-    """Bring the bench to rest, the table first; `tell` receives the start and the first failures.
+def rescue(orders: Orders, report: Callable[[str], None], give_up_s: float = GIVE_UP_S) -> Rescued:
+    """Bring the bench to rest, the table first; `report` receives the start and the first failures.
 
     A manual table is a problem that remains.
 
-    `tell` is called only once the links are being taken over, and from this thread: a hanging disk must not keep the
+    `report` is called only once the links are being taken over, and from this thread: a hanging disk must not keep the
     table turning.
     """
     clock = ScaledClock(orders.time_factor)
-    reports: Said = queue.SimpleQueue()
+    reports: _Reports = queue.SimpleQueue()
     table = None if orders.by_hand else _Task("rate_table", lambda: _stop(orders, clock), give_up_s, reports)
     chamber = _Task("chamber", lambda: _go_home(orders, clock, reports.put), give_up_s, reports)
-    tell("taking over")
+    report("taking over")
     deadline_s = time.monotonic() + give_up_s + GRACE_S
     busy = 1 if table is None else 2
     while busy and (left_s := deadline_s - time.monotonic()) > 0:
@@ -121,7 +121,7 @@ def rescue(orders: Orders, tell: Callable[[str], None], give_up_s: float = GIVE_
             if word is None:
                 busy -= 1
             else:
-                tell(word)
+                report(word)
     return Rescued(
         rate_dps=None if table is None else table.read_back,
         chamber_setpoint_c=chamber.read_back,
@@ -157,40 +157,40 @@ def act(orders: Orders, why: str) -> bool:
     """Bring the bench to rest; `why` is the reason, in words. Return whether everything was read back."""
     unwritten = ""
 
-    def tell(says: str, **data: object) -> None:
+    def report(message: str, **data: object) -> None:
         nonlocal unwritten
         try:
-            note(orders.journal, says=f"{why}; {says}", **data)
+            note(orders.journal, says=f"{why}; {message}", **data)
         except BenchError as err:
             unwritten = f" (not in the journal: {err})"
 
     if orders.by_hand:
         _alarm(orders, f"{why}; {ONLY_THE_OPERATOR}: stop it NOW")
-    rescued = rescue(orders, tell)
-    tell(words(rescued), reason=why, **asdict(rescued))
+    rescued = rescue(orders, report)
+    report(words(rescued), reason=why, **asdict(rescued))
     with contextlib.suppress(OSError):  # only at the end, because a terminal may be blocked or gone
         os.write(2, f"benchctl guard: {why}; {words(rescued)}{unwritten}\n".encode())
     _notify(orders, f"{why}; {words(rescued)}")
     return not rescued.problems
 
 
-def _alarm(orders: Orders, says: str) -> None:
+def _alarm(orders: Orders, message: str) -> None:
     """Write to stderr and send a message, in a separate thread: a blocked terminal must not delay the chamber."""
 
     def alarm() -> None:
         with contextlib.suppress(OSError):
-            os.write(2, f"benchctl guard: {says}\n".encode())
-        _notify(orders, says)
+            os.write(2, f"benchctl guard: {message}\n".encode())
+        _notify(orders, message)
 
     threading.Thread(target=alarm, name="alarm", daemon=True).start()
 
 
-def _notify(orders: Orders, says: str) -> None:
+def _notify(orders: Orders, message: str) -> None:
     """Send a message; at the end, or in a separate thread, because a mail server may be slow."""
     campaign = orders.journal.parent
     for url in orders.notify:
         try:
-            Recipient(url).send(f"guard: {campaign.name}", f"{says}\n{campaign}")
+            Recipient(url).send(f"guard: {campaign.name}", f"{message}\n{campaign}")
         except BenchError as err:
             with contextlib.suppress(OSError):
                 os.write(2, f"benchctl guard: {err}\n".encode())

@@ -84,7 +84,7 @@ _SENTENCES: Mapping[str, Told] = {
     "torn": ("a line of the journal was torn by the program's death", "warning"),
     "unreadable": ("a crash left {file} unreadable: {why}", "bad"),
     "waiting": ("waiting for {by}: {says}", "warning"),
-    "whole": ("step {index:,} is whole: {name}, {samples:,} samples", "info"),
+    "whole": ("step {index:,} is complete: {name}, {samples:,} samples", "info"),
 }
 
 

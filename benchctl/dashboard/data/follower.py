@@ -47,7 +47,7 @@ def doing(state: RunState, readings: Readings, soak: SoakWatch | None = None) ->
     planned = planned_step(state)
     kind = readings.kind if recording or planned is None else planned.kind
     if kind == "soak":
-        return soak.says if soak is not None else "going to the set point"
+        return soak.state if soak is not None else "going to the set point"
     return _POLLED.get(kind) or ("recording" if recording else "moving and settling")
 
 

@@ -12,7 +12,7 @@ const KIND_NAMES = {
   thermal_ramp: "thermal ramp",
   power_cycle: "power cycle",
   mount: "mounted by hand",
-  ask: "asked of the operator",
+  ask: "done by an operator",
   motion: "motion",
   static_points: "static points",
   unassigned: "unassigned",

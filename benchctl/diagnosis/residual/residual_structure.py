@@ -167,20 +167,20 @@ def _residual_structure_of(problem: PartProblem, whitener: Whitens, fit: Fitted,
     rows = fit.fitted[problem.step] & (weight > 0.0)
     white = ScoreTest(fit.white, fit.derivatives, rows)
     if is_plain(whitener, seed):
-        return _told(problem, look(white, _groups(problem, fit, white), _weighted(weight)), 0.0)
+        return _described(problem, look(white, _groups(problem, fit, white), _weighted(weight)), 0.0)
     plain = ScoreTest(fit.residual * weight, fit.raw_derivatives * weight[:, None], rows)
     noise_gain = plain.freedom * math.log(max(plain.squares, 1e-300) / max(white.squares, 1e-300))
     structure = look(plain, _groups(problem, fit, plain), _weighted(weight))
     if _is_for_noise(structure, plain, whitener, noise_gain):
-        return replace(_told(problem, structure, noise_gain), for_noise=True)
-    return _told(problem, look(white, _groups(problem, fit, white, slow=True), _through(whitener)), noise_gain)
+        return replace(_described(problem, structure, noise_gain), for_noise=True)
+    return _described(problem, look(white, _groups(problem, fit, white, slow=True), _through(whitener)), noise_gain)
 
 
 def residual_structure_with_disturbance(problem: PartProblem, whitener: Whitens, fit: Fitted) -> ResidualStructure:
     """Return the residual structure in addition to a known disturbance, which the whitener makes white."""
     rows = fit.fitted[problem.step] & (whitener.weight > 0.0)
     white = ScoreTest(fit.white, fit.derivatives, rows)
-    return _told(problem, look(white, _groups(problem, fit, white, slow=True), _through(whitener)), 0.0)
+    return _described(problem, look(white, _groups(problem, fit, white, slow=True), _through(whitener)), 0.0)
 
 
 def _is_for_noise(structure: View, plain: ScoreTest, whitener: Whitens, noise_gain: float) -> bool:
@@ -357,7 +357,7 @@ def _through(whitener: Whitens) -> Whitened:
     return whitened
 
 
-def _told(problem: PartProblem, view: View, noise_gain: float) -> ResidualStructure:
+def _described(problem: PartProblem, view: View, noise_gain: float) -> ResidualStructure:
     threshold = threshold_of(len(view.looked))
     best = max(view.looked, key=_rank)
     significant = best.log_p < threshold

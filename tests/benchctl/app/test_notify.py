@@ -14,8 +14,8 @@ from benchctl.app import notify
 from benchctl.app.notify import messages_about
 from benchctl.app.run import Watch, play
 from benchctl.bench import Bench, load_bench, template
-from benchctl.campaign.hands import Hands, Meanwhile
 from benchctl.campaign.opened import open_bench
+from benchctl.campaign.operator import Meanwhile, Operator
 from benchctl.campaign.provenance import recorded_bench
 from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.plan import Mount, Plan, Static, Step
@@ -113,9 +113,9 @@ def test_a_hold_and_an_expired_certificate_are_reported_when_they_occur(lab: Lab
 
 @dataclass
 class Slow:
-    """Hands that take two looks for each action."""
+    """An operator who takes two looks for each action."""
 
-    hands: Hands
+    operator: Operator
     who: str = "A. Ivanova, at the terminal"
 
     def mount(self, position: str, meanwhile: Meanwhile) -> None:
@@ -129,7 +129,7 @@ def test_a_question_to_an_operator_is_reported_once(lab: Lab, tmp_path: Path) ->
         messages_about(_plan(), bench, tmp_path / "c", lab.warnings.append) as messenger,
         open_bench(bench, wires=False) as opened,
     ):
-        slow = replace(opened, hands=Slow(opened.hands))  # type: ignore[arg-type]
+        slow = replace(opened, operator=Slow(opened.operator))  # type: ignore[arg-type]
         run_campaign(_plan(Mount(position="across")), slow, tmp_path / "c", listener=messenger.hear)
     ((title, text),) = lab.received
     assert title.startswith("hold: ")

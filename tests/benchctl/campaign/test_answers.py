@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.campaign.hands import AnsweringHands, Answers, Question, answer_line, questions, read_answers
+from benchctl.campaign.operator import AnswerFile, Answers, Question, answer_line, questions, read_answers
 from benchctl.campaign.stop import StoppedError
 from benchctl.plan import Ask, Mount, PowerCycle, Static
 from benchctl_instruments.errors import UsageError
@@ -26,9 +26,9 @@ def answers(**by_question: str) -> Answers:
 
 
 def test_all_that_a_plan_asks_is_known_beforehand_in_its_order() -> None:
-    assert [(one.step, one.says) for one in asked()] == [(1, DOOR), (2, OFF), (2, ON), (4, ACROSS), (5, DOOR)]
+    assert [(one.step, one.text) for one in asked()] == [(1, DOOR), (2, OFF), (2, ON), (4, ACROSS), (5, DOOR)]
     broken_off = list(questions([(2, STEPS[1])], "U", may_be_off=True))
-    assert [one.says for one in broken_off] == [ON, OFF, ON]
+    assert [one.text for one in broken_off] == [ON, OFF, ON]
     assert list(questions([(3, STEPS[2])], "U")) == []
 
 
@@ -67,7 +67,7 @@ def test_questions_without_an_answer_are_named_in_full_as_the_file_would_have_th
     assert ", ".join(lines) in said
     assert tomllib.loads("\n".join(lines)) == {ON: "done", ACROSS: "done"}
     assert "(for the first there is only " in said  # off, in the place of on
-    everything = {one.says: "done" for one in asked()}
+    everything = {one.text: "done" for one in asked()}
     answers(**everything, **{"what nobody asks": "refuse"}).refuse_unanswered(asked())
 
 
@@ -94,19 +94,19 @@ class Doing:
 
 def test_what_is_answered_done_is_done_by_the_simulated_bench_and_a_refusal_ends_the_run() -> None:
     doing = Doing()
-    hands = AnsweringHands(answers(**{DOOR: "done", OFF: "done", ON: "refuse", ACROSS: "done"}), "U", doing)
-    hands.ask(DOOR, lambda: None)
-    hands.power(False, lambda: None)
-    hands.mount("across", lambda: None)
+    operator = AnswerFile(answers(**{DOOR: "done", OFF: "done", ON: "refuse", ACROSS: "done"}), "U", doing)
+    operator.ask(DOOR, lambda: None)
+    operator.power(False, lambda: None)
+    operator.mount("across", lambda: None)
     assert doing.did == [DOOR, False, "across"]
     with pytest.raises(StoppedError, match=f"stopped by the answers of answers.toml: refused to {ON}"):
-        hands.power(True, lambda: None)
+        operator.power(True, lambda: None)
     assert doing.did == [DOOR, False, "across"]
-    assert hands.who == "the answers of answers.toml"
+    assert operator.who == "the answers of answers.toml"
 
 
 def test_at_addresses_nobody_else_has_a_hand_in_it() -> None:
-    hands = AnsweringHands(answers(**{DOOR: "done"}), "U", None)
-    hands.ask(DOOR, lambda: None)
+    operator = AnswerFile(answers(**{DOOR: "done"}), "U", None)
+    operator.ask(DOOR, lambda: None)
     with pytest.raises(StoppedError):
-        hands.mount("across", lambda: None)
+        operator.mount("across", lambda: None)

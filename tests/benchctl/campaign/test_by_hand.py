@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from benchctl.bench import Bench, Interlock
-from benchctl.campaign.hands import Hands, Meanwhile, NoHands
 from benchctl.campaign.opened import open_bench
+from benchctl.campaign.operator import Meanwhile, NoOperator, Operator
 from benchctl.campaign.resume import past_of, steps_to_play
 from benchctl.campaign.runner import Moment, Outcome, run_campaign
 from benchctl.campaign.stop import StopRequest
@@ -34,24 +34,24 @@ def bench_with(**gyro: float) -> Bench:
 
 
 class Slow:
-    """Hands that take a while; `look` is called meanwhile."""
+    """An operator who takes a while; `look` is called meanwhile."""
 
     who = "somebody slow"
 
-    def __init__(self, hands: Hands, look: Callable[[], None]) -> None:
-        self._hands, self._look = hands, look
+    def __init__(self, operator: Operator, look: Callable[[], None]) -> None:
+        self._operator, self._look = operator, look
 
     def power(self, on: bool, meanwhile: Meanwhile) -> None:
         self._take(meanwhile)
-        self._hands.power(on, meanwhile)
+        self._operator.power(on, meanwhile)
 
     def mount(self, position: Position, meanwhile: Meanwhile) -> None:
         self._take(meanwhile)
-        self._hands.mount(position, meanwhile)
+        self._operator.mount(position, meanwhile)
 
     def ask(self, says: str, meanwhile: Meanwhile) -> None:
         self._take(meanwhile)
-        self._hands.ask(says, meanwhile)
+        self._operator.ask(says, meanwhile)
 
     def _take(self, meanwhile: Meanwhile) -> None:
         for _ in range(8):
@@ -61,7 +61,7 @@ class Slow:
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
-    folder = tmp_path_factory.mktemp("hands") / "c"
+    folder = tmp_path_factory.mktemp("operator") / "c"
     with open_bench(bench_with(misalignment_mrad=2.0), wires=False) as opened:
         return run_campaign(PLAN, opened, folder)
 
@@ -144,10 +144,10 @@ def test_while_somebody_works_the_table_rests_and_the_bench_is_looked_at(tmp_pat
     rates: list[float] = []
     doing: list[str] = []
     with open_bench(BENCH, wires=False) as opened:
-        slow = Slow(opened.hands, lambda: rates.append(opened.table.read().rate_dps))
+        slow = Slow(opened.operator, lambda: rates.append(opened.table.read().rate_dps))
         outcome = run_campaign(
             plan_of(ConstantRate(rate_dps=100.0, duration_s=2.0), ACROSS, PowerCycle(off_s=10.0)),
-            replace(opened, hands=slow),
+            replace(opened, operator=slow),
             tmp_path / "c",
             progress=lambda moment: doing.append(moment.doing),
         )
@@ -166,14 +166,14 @@ def test_while_somebody_works_the_table_rests_and_the_bench_is_looked_at(tmp_pat
 def test_a_wish_to_stop_ends_the_waiting_and_a_table_that_faults_meanwhile_ends_the_run(tmp_path: Path) -> None:
     stop = StopRequest()
     with open_bench(BENCH, wires=False) as opened:
-        slow = Slow(opened.hands, lambda: stop.ask("Ctrl-C"))
-        outcome = run_campaign(plan_of(ACROSS, REST), replace(opened, hands=slow), tmp_path / "c", stop=stop)
+        slow = Slow(opened.operator, lambda: stop.ask("Ctrl-C"))
+        outcome = run_campaign(plan_of(ACROSS, REST), replace(opened, operator=slow), tmp_path / "c", stop=stop)
     assert (outcome.status, outcome.whole, str(outcome.error)) == ("interrupted", 0, "stopped by Ctrl-C")
     assert done(tmp_path / "c") == []
 
     with open_bench(BENCH, wires=False) as opened:
-        slow = Slow(opened.hands, opened.table.disable)
-        outcome = run_campaign(plan_of(ACROSS, REST), replace(opened, hands=slow), tmp_path / "d")
+        slow = Slow(opened.operator, opened.table.disable)
+        outcome = run_campaign(plan_of(ACROSS, REST), replace(opened, operator=slow), tmp_path / "d")
     assert outcome.status == "aborted"
     assert f"rate_table: {TableState.DISABLED.value}; find out why" in str(outcome.error)
 
@@ -285,7 +285,7 @@ def test_nobody_is_needed_to_go_on_once_all_is_done_that_somebody_had_to_do(tmp_
         run_campaign(PLAN, opened, folder, stop=stop, progress=look)
     with past_of(folder, PLAN, BENCH) as past, open_bench(past.bench, wires=False, elapsed_s=past.elapsed_s) as opened:
         assert past.first == 9
-        assert run_campaign(PLAN, replace(opened, hands=NoHands()), folder, past=past).status == "complete"
+        assert run_campaign(PLAN, replace(opened, operator=NoOperator()), folder, past=past).status == "complete"
 
 
 def test_across_in_a_stream_of_samples_nothing_is_lost(played: Outcome) -> None:

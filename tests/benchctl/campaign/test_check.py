@@ -35,7 +35,7 @@ def _plan(*steps: Step) -> Plan:
 def test_a_step_beyond_the_bench_is_named_with_the_limit(step: Step, says: str) -> None:
     found = problems(_plan(Static(duration_s=1.0), step), BENCH)
     assert [problem.step for problem in found] == [2]
-    assert says in found[0].says
+    assert says in found[0].message
     with pytest.raises(UsageError, match="procedure mine, step 2: "):
         refuse_problems(_plan(Static(duration_s=1.0), step), BENCH, Path())
 
@@ -43,14 +43,14 @@ def test_a_step_beyond_the_bench_is_named_with_the_limit(step: Step, says: str) 
 def test_a_problem_that_many_steps_share_is_said_once_with_how_many() -> None:
     rates = [ConstantRate(rate_dps=sign * rate, duration_s=-1.0) for rate in (299.0, 310.0, 320.0) for sign in (1, -1)]
     found = problems(_plan(Soak(setpoint_c=-60.0, hold_s=1.0), *rates), BENCH)
-    assert [(one.step, one.says) for one in found] == [
+    assert [(one.step, one.message) for one in found] == [
         (1, "soak at -60: goes to -60 °C, the bench's limits are -55 to 85 °C (limits.coldest_c, limits.hottest_c)"),
         (2, "rate +299: duration_s is -1, expected more than 0; 5 more steps have this problem"),
     ]
     longer = [replace(rate, duration_s=9.0) for rate in rates]
     found = problems(_plan(*longer, longer[-1]), BENCH)
     assert [one.step for one in found] == [3]
-    assert found[0].says.endswith("limit is 300 deg/s (limits.rate_dps); 4 more steps have this problem")
+    assert found[0].message.endswith("limit is 300 deg/s (limits.rate_dps); 4 more steps have this problem")
     with pytest.raises(UsageError, match=r"^procedure mine, step 3: rate \+310: reaches 310 deg/s"):
         refuse_problems(_plan(*longer), BENCH, Path())
 
@@ -90,7 +90,7 @@ def test_the_step_at_which_the_disk_would_be_full_is_named(
     found = room_problems(_plan(*[Static(duration_s=200.0)] * 13), BENCH, tmp_path / "results" / "c")
     assert [problem.step for problem in found] == ([] if step is None else [step])
     if step is not None:
-        assert f"{free_mb:.0f} MB are free at {tmp_path}/results/c; make room" in found[0].says
+        assert f"{free_mb:.0f} MB are free at {tmp_path}/results/c; make room" in found[0].message
         with pytest.raises(UsageError, match="static: the disk would be full: the campaign needs 27 MB"):
             refuse_problems(_plan(*[Static(duration_s=200.0)] * 13), BENCH, tmp_path / "results" / "c")
 
@@ -121,7 +121,7 @@ def test_what_swings_is_named_on_a_table_without_a_sinusoid_and_what_turns_is_no
     found = problems(plan, bench)
     assert [problem.step for problem in found] == [4]
     says = f"swings, and the bench's table, {model}, has no sinusoid; take a procedure of constant rates (rate_sweep,"
-    assert says in found[0].says
+    assert says in found[0].message
     assert problems(plan, BENCH) == []
 
 

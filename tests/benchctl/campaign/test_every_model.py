@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from benchctl.bench import Bench, load_bench
-from benchctl.campaign.hands import HAND_ERROR
 from benchctl.campaign.opened import open_bench
+from benchctl.campaign.operator import MANUAL_RATE_ERROR
 from benchctl.campaign.runner import run_campaign
 from benchctl.plan import ConstantRate, Plan, Soak
 from benchctl.recordings.reader import open_recording
@@ -81,7 +81,7 @@ def test_a_campaign_is_complete(
         assert soak["poll_chamber_setpoint_c"][-1] == pytest.approx(SOAKED_TO_C, abs=0.06)
         assert soak["poll_chamber_temp_c"][-1] == pytest.approx(SOAKED_TO_C, abs=SOAK.tolerance_c + 0.1)
         slope_dps = np.polyfit(turn["time_s"], np.unwrap(turn["encoder_deg"], period=360.0), 1)[0]
-        off_dps = 1.05 * HAND_ERROR * TURN.rate_dps if bench.by_hand else 0.05
+        off_dps = 1.05 * MANUAL_RATE_ERROR * TURN.rate_dps if bench.by_hand else 0.05
         assert slope_dps == pytest.approx(TURN.rate_dps, abs=off_dps)
         assert np.mean(turn["gyro_v"]) == pytest.approx(0.012 + 0.05 * slope_dps, abs=0.05)
         assert np.mean(turn["gyro_temp_c"]) == pytest.approx(23.5, abs=1.0)

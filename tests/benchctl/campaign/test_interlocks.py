@@ -39,14 +39,14 @@ def test_at_the_limit_itself_nothing_is_passed() -> None:
 def test_a_lower_limit_is_the_mirror_of_an_upper_one() -> None:
     changes = followed(Interlock(quantity="air_c", below=-5.0, hysteresis=1.0), [-5.0, -5.1, -4.1, -4.0])
     assert [(change.on, change.value) for change in changes] == [(True, -5.1), (False, -4.0)]
-    assert changes[0].says == "air_c below -5"
+    assert changes[0].limit == "air_c below -5"
 
 
 def test_an_excursion_counts_once_it_has_lasted_and_a_shorter_one_never() -> None:
     interlock = hot(hysteresis=1.0, for_s=3.0)
     assert followed(interlock, [6.0, 6.0, 6.0, 3.0, 6.0, 6.0, 3.0]) == []
     (change,) = followed(interlock, [6.0, 4.5, 6.0, 6.0, 6.0])
-    assert (change.on, change.now_s, change.says) == (True, 3.0, "gyro_c above 5 for 3 s")
+    assert (change.on, change.now_s, change.limit) == (True, 3.0, "gyro_c above 5 for 3 s")
 
 
 def test_one_sample_of_a_look_that_is_beyond_begins_and_only_a_look_wholly_inside_ends() -> None:
@@ -71,7 +71,7 @@ def test_quantities_that_were_not_seen_keep_their_state() -> None:
     interlocks = Interlocks([hot(action="hold", give_up_s=60.0)])
     interlocks.see(0.0, {"gyro_c": (6.0, 6.0)})
     assert interlocks.see(1.0, {"air_c": (0.0, 0.0)}) == []
-    assert [change.says for change in interlocks.holds] == ["gyro_c above 5"]
+    assert [change.limit for change in interlocks.holds] == ["gyro_c above 5"]
 
 
 def test_only_a_hold_that_is_on_is_waited_for() -> None:
@@ -157,7 +157,7 @@ def test_interlocks_in_words_name_every_limit_and_what_it_does() -> None:
 
 def test_both_sides_are_followed_each_by_itself() -> None:
     limits = limits_of(Interlock(quantity="gyro_v", above=5.0, below=-5.0))
-    assert [limit.says for limit in limits] == ["gyro_v above 5", "gyro_v below -5"]
+    assert [limit.text for limit in limits] == ["gyro_v above 5", "gyro_v below -5"]
     assert all(isinstance(limit, FollowedLimit) for limit in limits)
 
 
@@ -166,10 +166,10 @@ def test_on_the_acceleration_controller_and_encoder_are_followed_each_by_itself(
     assert interlocks.see(0.0, {"encoder_dps2": (-1.0, 6.0)}) == []
     assert interlocks.see(1.0, {"acceleration_dps2": (0.0, 0.0)}) == []  # a poll that is inside ends nothing
     (change,) = interlocks.see(2.0, {"encoder_dps2": (-1.0, 7.0)})
-    assert (change.on, change.value, change.says) == (True, 7.0, "acceleration_dps2 by the encoder above 5 for 2 s")
+    assert (change.on, change.value, change.limit) == (True, 7.0, "acceleration_dps2 by the encoder above 5 for 2 s")
     interlocks.see(3.0, {"acceleration_dps2": (6.0, 6.0)})
     (change,) = interlocks.see(5.0, {"acceleration_dps2": (6.0, 6.0)})
-    assert change.says == "acceleration_dps2 above 5 for 2 s"
+    assert change.limit == "acceleration_dps2 above 5 for 2 s"
 
 
 def test_a_hold_on_the_acceleration_does_not_wait_for_an_encoder_that_nobody_reads_during_a_hold() -> None:

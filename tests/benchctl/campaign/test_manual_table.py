@@ -13,8 +13,15 @@ from benchctl.app.fit import fit
 from benchctl.app.run import Watch, play, questions_asked, resume
 from benchctl.bench import Bench, bench_of_text, load_bench, template
 from benchctl.campaign.check import problems
-from benchctl.campaign.hands import HAND_ERROR, Meanwhile, NoHands, SimulatedHands, answer_line, read_answers
 from benchctl.campaign.opened import open_bench
+from benchctl.campaign.operator import (
+    MANUAL_RATE_ERROR,
+    Meanwhile,
+    NoOperator,
+    SimulatedOperator,
+    answer_line,
+    read_answers,
+)
 from benchctl.campaign.runner import Moment, Outcome, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static
@@ -36,26 +43,26 @@ SWEEP = find_procedure("rate_sweep").expand(
 
 
 def answers_to(plan: Plan, file: Path, bench: Bench = BENCH) -> Path:
-    file.write_text("\n".join(answer_line(one.says) for one in questions_asked(plan, bench)), encoding="utf-8")
+    file.write_text("\n".join(answer_line(one.text) for one in questions_asked(plan, bench)), encoding="utf-8")
     return file
 
 
 def run(plan: Plan, folder: Path, *, off: Callable[[float], float] = lambda rate_dps: rate_dps) -> Outcome:
     """Run a plan; the operator sets `off` of each rate, with the usual error."""
 
-    class Hands(SimulatedHands):
+    class Operator(SimulatedOperator):
         def turn(self, rate_dps: float, meanwhile: Meanwhile) -> None:
             super().turn(off(rate_dps), meanwhile)
 
     with open_bench(BENCH) as opened:
         assert opened.simulated is not None
-        return run_campaign(plan, replace(opened, hands=Hands(opened.simulated.world)), folder)
+        return run_campaign(plan, replace(opened, operator=Operator(opened.simulated.world)), folder)
 
 
 def test_every_rate_and_every_stop_is_a_question_that_is_known_before_anything_moves() -> None:
-    asked = [(one.step, one.says) for one in questions_asked(PLAN, BENCH)]
+    asked = [(one.step, one.text) for one in questions_asked(PLAN, BENCH)]
     assert asked == [(2, PLUS), (3, MINUS), (4, STOP)]
-    assert [one.says for one in questions_asked(plan_of(TURNS[0]), BENCH)] == [PLUS, STOP]
+    assert [one.text for one in questions_asked(plan_of(TURNS[0]), BENCH)] == [PLUS, STOP]
     assert questions_asked(PLAN, load_bench("simulated")) == []
 
 
@@ -69,7 +76,7 @@ def test_hand_set_rates_that_are_off_give_the_coefficients_that_the_encoder_prov
     with open_recording(outcome.recording) as recording:
         turning = [step for step in recording.steps() if step.info.rate_dps]
         off = [_rate_dps(step) / step.info.rate_dps - 1.0 for step in turning]
-    assert np.abs(off) == pytest.approx(HAND_ERROR, abs=0.002)
+    assert np.abs(off) == pytest.approx(MANUAL_RATE_ERROR, abs=0.002)
     assert {np.sign(each) for each in off} == {-1.0, 1.0}
     found = fit([outcome.recording], out=tmp_path / "fit").coefficients
     assert found["K0_v_per_dps"] == pytest.approx(0.05, rel=0.01)
@@ -101,18 +108,18 @@ def test_a_table_that_turns_the_other_way_ends_the_run_with_the_table_stopped(tm
     outcome = run(PLAN, tmp_path / "c", off=lambda rate_dps: -rate_dps)
     assert outcome.status == "aborted"
     assert outcome.error is not None
-    assert str(outcome.error).startswith(f"rate_table: asked 3 times to {PLUS}; the encoder shows -")
+    assert str(outcome.error).startswith(f"rate_table: prompted 3 times to {PLUS}; the encoder shows -")
     assert "expected +40 ± 4 deg/s" in str(outcome.error)
     assert (outcome.safe.rate_dps, outcome.safe.problems) == (0.0, ())
 
 
 def test_a_table_that_nobody_stops_is_not_known_to_be_at_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("benchctl.campaign.safety.HAND_CHUNKS", 4)
+    monkeypatch.setattr("benchctl.campaign.safety.OPERATOR_CHUNKS", 4)
     rates = iter([40.0, -40.0])
     with open_bench(BENCH) as opened:
         assert opened.simulated is not None
 
-        class Deaf(SimulatedHands):
+        class Deaf(SimulatedOperator):
             def turn(self, rate_dps: float, meanwhile: Meanwhile) -> None:
                 if (at := next(rates, None)) is not None:
                     super().turn(at, meanwhile)
@@ -121,10 +128,10 @@ def test_a_table_that_nobody_stops_is_not_known_to_be_at_rest(tmp_path: Path, mo
         chamber, setpoints_c = opened.simulated.world.chamber, list[float]()
         opened.table.operator = lambda rate_dps: setpoints_c.append(chamber.setpoint_c())  # type: ignore[attr-defined]
         warm = plan_of(Soak(setpoint_c=24.0, hold_s=60.0, drift_c_per_min=10.0), *TURNS, REST)
-        outcome = run_campaign(warm, replace(opened, hands=deaf), tmp_path / "c")
+        outcome = run_campaign(warm, replace(opened, operator=deaf), tmp_path / "c")
     assert setpoints_c == [24.0, 23.0]  # demanded first, and again when the chamber is at its safe set point
     assert outcome.status == "aborted"
-    assert "asked 3 times to stop the table" in str(outcome.error)
+    assert "prompted 3 times to stop the table" in str(outcome.error)
     assert "the bench is not known to be at rest: rate_table: should have come to rest" in str(outcome.error)
 
 
@@ -167,15 +174,15 @@ def test_a_rate_beyond_the_limit_of_the_bench_stops_the_run(tmp_path: Path) -> N
 
 def test_without_an_operator_only_a_plan_at_rest_can_be_run(tmp_path: Path) -> None:
     with open_bench(BENCH) as opened:
-        alone = replace(opened, hands=NoHands())
-        with pytest.raises(UsageError, match=r"step 2: rate \+40: somebody has to do it by hand, and nobody can be"):
+        alone = replace(opened, operator=NoOperator())
+        with pytest.raises(UsageError, match=r"step 2: rate \+40: needs an operator, and there is none"):
             run_campaign(PLAN, alone, tmp_path / "c")
         assert run_campaign(plan_of(Static(duration_s=5.0)), alone, tmp_path / "d").status == "complete"
 
 
 def test_swings_and_rates_beyond_the_limits_are_found_by_check() -> None:
     plan = plan_of(Sine(amplitude_dps=20.0, frequency_hz=0.2, cycles=3), ConstantRate(rate_dps=400.0, duration_s=1.0))
-    swings, fast = (problem.says for problem in problems(plan, BENCH))
+    swings, fast = (problem.message for problem in problems(plan, BENCH))
     assert "swings, and the bench's table, manual, has no sinusoid" in swings
     assert "reaches 400 deg/s, the bench's limit is 300 deg/s" in fast
 

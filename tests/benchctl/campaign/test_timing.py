@@ -32,7 +32,7 @@ def test_they_are_no_problem_for_a_bench_and_take_what_a_step_takes_on_the_disk(
     alone = Plan(procedure="mine", parameters={}, steps=STEPS[1:3], calibrates=False)
     assert disk_bytes(alone, 500.0) == 4 * BYTES_PER_STEP
     faulty = Plan(procedure="mine", parameters={}, steps=(PowerCycle(off_s=-1.0),), calibrates=False)
-    assert [one.says for one in problems(faulty, BENCH)] == ["power cycle: off_s is -1, expected more than 0"]
+    assert [one.message for one in problems(faulty, BENCH)] == ["power cycle: off_s is -1, expected more than 0"]
 
 
 def test_the_timeline_names_them() -> None:

@@ -92,7 +92,7 @@ def test_at_addresses_it_opens_nothing_and_says_that_nobody_could_answer(
     assert nowhere.splitlines()[2] in text
     (lab / "real.toml").write_text(text)
     refused = told(capsys, "turns.py", "--bench", "real.toml", status=2)
-    assert "step 4: ask: close the door: somebody has to do it by hand" in refused["error"]
+    assert "step 4: ask: close the door: needs an operator, and there is none" in refused["error"]
     (lab / "answers.toml").write_text('"open the door" = "done"')
     unanswered = told(capsys, "turns.py", "--bench", "real.toml", "--answers", "answers.toml", status=2)
     assert '"close the door" = "done"' in unanswered["error"]
@@ -122,7 +122,7 @@ def test_of_a_campaign_that_ended_early_it_says_what_is_left(lab: Path, capsys: 
     assert found["bench_time_s"] < told(capsys, "turns.py", "--bench", "simulated")["bench_time_s"]
     assert found["questions"] == [{"step": 4, "says": "close the door"}]
     assert run_verb(["run", "turns.py", "--bench", "simulated", "--resume", "c", "--dry-run"]) == 0
-    assert "2 of 5 steps are whole; it would go on with step 3, rate +90" in capsys.readouterr().out
+    assert "2 of 5 steps are complete; it would go on with step 3, rate +90" in capsys.readouterr().out
     assert {path: text for path, text in files(folder).items() if path.suffix != ".lock"} == {
         path: text for path, text in before.items() if path.suffix != ".lock"
     }

@@ -16,7 +16,7 @@ FILES = {"bench.toml", "limits.toml", "acceptance.bench-test.toml", "bench.schem
 def lab(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
     folder = tmp_path / "lab"
     assert run_verb(["init", str(folder), "--json", str(tmp_path / "told.json")]) == 0
-    assert f"wrote {folder / 'bench.toml'}: simulated as it stands" in capsys.readouterr().out
+    assert f"wrote {folder / 'bench.toml'}: the bench is simulated" in capsys.readouterr().out
     return folder
 
 

@@ -70,7 +70,7 @@ def test_a_campaign_whose_program_was_killed_is_said_to_be_aborted(crashed: Path
 def test_without_a_terminal_nothing_moves_unless_yes_is_said(crashed: Path) -> None:
     refused = _run(crashed, *RESUME)
     assert refused.returncode == 2
-    assert "2 of 4 steps are whole; step 3, rate +90, is next on simulated bench" in refused.stderr
+    assert "2 of 4 steps are complete; step 3, rate +90, is next on simulated bench" in refused.stderr
     assert "pass --yes" in refused.stderr
     assert len(refused.stderr.strip().splitlines()) == 1
 
@@ -181,7 +181,7 @@ def test_recover_closes_the_recording_of_a_killed_program_says_what_is_whole_and
     assert (told["schema"], told["ok"], told["status"]) == ("benchctl-recover/1", True, "aborted")
     assert told["steps"]["whole"] == 2
     assert told["reason"].startswith("its program died, last heard of at 2")
-    assert "2 steps are whole" in closed.stdout
+    assert "2 steps are complete" in closed.stdout
     again = without_a_process("recover", "c", folder=tmp_path)
     assert again.returncode == 0
     assert "was closed before, nothing to do; aborted (its program died" in again.stdout

@@ -30,7 +30,7 @@ def _journal(folder: Path, events: list[dict[str, Any]], end: str = "") -> Path:
          "ready: 3 steps planned; rate table, chamber answered", "info"),
         ({"kind": "step", "index": 9, "number": 2, "name": "rate +5"}, "step 2 begins: rate +5", "info"),
         ({"kind": "step", "index": 9, "name": "rate +5"}, "step 9 begins: rate +5", "info"),
-        ({"kind": "whole", "index": 2, "name": "x", "samples": 30000}, "step 2 is whole: x, 30,000 samples", "info"),
+        ({"kind": "whole", "index": 2, "name": "x", "samples": 30000}, "step 2 is complete: x, 30,000 samples", "info"),
         ({"kind": "gap", "time_s": 12.5, "scans": 40},
          "gap in the stream at 12.5 s: 40 scans are missing", "warning"),
         ({"kind": "silence", "instrument": "rate_table", "says": "no answer"},

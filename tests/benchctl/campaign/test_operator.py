@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.campaign.hands import NoHands, OperatorHands, hands_at_the_terminal
 from benchctl.campaign.opened import open_bench
+from benchctl.campaign.operator import NoOperator, TerminalOperator, operator_at_terminal
 from benchctl.campaign.runner import run_campaign
 from benchctl.recordings.reader import open_recording
 from benchctl_instruments.errors import SafetyError, UsageError
@@ -29,11 +29,11 @@ needs_a_pty = pytest.mark.skipif(sys.platform == "win32", reason="a pty is a thi
 
 def test_where_nobody_is_a_plan_that_needs_somebody_is_refused_before_anything_moves(tmp_path: Path) -> None:
     with open_bench(BENCH, wires=False) as opened:
-        alone = replace(opened, hands=NoHands())
+        alone = replace(opened, operator=NoOperator())
         with pytest.raises(UsageError) as caught:
             run_campaign(PLAN, alone, tmp_path / "c")
         assert str(caught.value) == (
-            "procedure mine, step 3: power cycle: somebody has to do it by hand, and nobody can be asked; run it at a "
+            "procedure mine, step 3: power cycle: needs an operator, and there is none; run it at a "
             "terminal (stdin and stderr), with --answers FILE, or on a bench with simulated = true; benchctl check "
             "lists the questions"
         )
@@ -42,16 +42,16 @@ def test_where_nobody_is_a_plan_that_needs_somebody_is_refused_before_anything_m
         assert run_campaign(plan_of(REST), alone, tmp_path / "d").status == "complete"
 
 
-def test_hands_that_are_not_there_do_nothing() -> None:
-    for act in (lambda: NoHands().power(False, lambda: None), lambda: NoHands().mount("across", lambda: None)):
+def test_without_an_operator_nothing_is_done() -> None:
+    for act in (lambda: NoOperator().power(False, lambda: None), lambda: NoOperator().mount("across", lambda: None)):
         with pytest.raises(SafetyError, match="by an operator; run it at a terminal"):
             act()
 
 
 def test_without_a_terminal_nobody_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not hands_at_the_terminal(BENCH).who
+    assert not operator_at_terminal(BENCH).who
     monkeypatch.setattr(sys, "stdin", None)
-    assert not hands_at_the_terminal(BENCH).who
+    assert not operator_at_terminal(BENCH).who
 
 
 @contextmanager
@@ -80,13 +80,13 @@ def _read_until(ours: int, words: bytes) -> bytes:
 @needs_a_pty
 def test_an_operator_is_told_what_to_do_and_answers_with_enter(monkeypatch: pytest.MonkeyPatch) -> None:
     with terminal(monkeypatch) as ours:
-        hands = hands_at_the_terminal(BENCH.model_copy(update={"operator": "A. Ohm"}))
-        assert hands.who == "A. Ohm, at the terminal"
+        operator = operator_at_terminal(BENCH.model_copy(update={"operator": "A. Ohm"}))
+        assert operator.who == "A. Ohm, at the terminal"
         looks: list[float] = []
         typing = threading.Thread(target=lambda: (_read_until(ours, b"Enter."), time.sleep(0.3), os.write(ours, b"\n")))
         os.write(ours, b"\n")  # from before the question: no answer
         typing.start()
-        hands.mount("across", lambda: (looks.append(time.monotonic()), time.sleep(0.02))[0])
+        operator.mount("across", lambda: (looks.append(time.monotonic()), time.sleep(0.02))[0])
         typing.join()
         assert looks[-1] - looks[0] > 0.2
     os.close(ours)
@@ -101,10 +101,10 @@ def test_the_question_names_the_unit_and_what_is_to_be_done(monkeypatch: pytest.
         os.write(ours, b"\n")
 
     with terminal(monkeypatch) as ours:
-        hands = OperatorHands("VG-7")
+        operator = TerminalOperator("VG-7")
         for act in (
-            lambda: hands.power(False, lambda: time.sleep(0.01)),
-            lambda: hands.mount("across", lambda: time.sleep(0.01)),
+            lambda: operator.power(False, lambda: time.sleep(0.01)),
+            lambda: operator.mount("across", lambda: time.sleep(0.01)),
         ):
             typing = threading.Thread(target=answer, args=(ours,))
             typing.start()
@@ -121,7 +121,7 @@ def test_a_terminal_that_goes_away_is_no_answer(monkeypatch: pytest.MonkeyPatch)
         hanging_up = threading.Thread(target=lambda: (_read_until(ours, b"Enter."), os.close(ours)))
         hanging_up.start()
         with pytest.raises(SafetyError, match=r"switch the supply of unit VG-7 on; the terminal was closed before"):
-            OperatorHands("VG-7").power(True, lambda: time.sleep(0.01))
+            TerminalOperator("VG-7").power(True, lambda: time.sleep(0.01))
         hanging_up.join()
 
 
@@ -145,7 +145,9 @@ def test_at_addresses_and_without_a_terminal_run_refuses_in_one_line(lab: Path) 
         timeout=150,
     )
     assert refused.returncode == 2
-    assert refused.stderr.startswith("benchctl: procedure by_hand, step 1: power cycle: somebody has to do it by hand")
+    assert refused.stderr.startswith(
+        "benchctl: procedure by_hand, step 1: power cycle: needs an operator, and there is"
+    )
     assert len(refused.stderr.strip().splitlines()) == 1
     assert not (lab / "refused").exists()
 

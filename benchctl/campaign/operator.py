@@ -40,7 +40,7 @@ class Question:
     """A question of a step of a plan, counted from 1."""
 
     step: int
-    says: str
+    text: str
 
 
 def power_question(unit: str, on: bool) -> str:
@@ -83,28 +83,28 @@ def questions(
     number, turns = 0, False
     for place, (number, step) in enumerate(steps):
         if may_be_off and place == 0:
-            yield Question(step=number, says=power_question(unit, True))
+            yield Question(step=number, text=power_question(unit, True))
         rate_dps = turned_dps(step) if by_hand else 0.0
         if rate_dps or turns:
-            yield Question(step=number, says=turn_question(rate_dps))
+            yield Question(step=number, text=turn_question(rate_dps))
         turns = bool(rate_dps)
         match step:
             case PowerCycle():
-                yield Question(step=number, says=power_question(unit, False))
-                yield Question(step=number, says=power_question(unit, True))
+                yield Question(step=number, text=power_question(unit, False))
+                yield Question(step=number, text=power_question(unit, True))
             case Mount():
-                yield Question(step=number, says=mount_question(unit, step.position))
+                yield Question(step=number, text=mount_question(unit, step.position))
             case Ask():
-                yield Question(step=number, says=step.says)
+                yield Question(step=number, text=step.says)
     if turns:
-        yield Question(step=number, says=STOP_QUESTION)
+        yield Question(step=number, text=STOP_QUESTION)
 
 
 Meanwhile = Callable[[], None]
 """Called repeatedly until the operator confirms; an exception from it ends the waiting."""
 
 
-class Hands(Protocol):
+class Operator(Protocol):
     """Performs operator actions; each method returns when done. `who` names the person; empty if there is none."""
 
     who: str
@@ -118,11 +118,11 @@ class Hands(Protocol):
     def turn(self, rate_dps: float, meanwhile: Meanwhile) -> None:
         """Set the rate of a manual table [deg/s], positive counter-clockwise from above, or stop it (0)."""
 
-    def ask(self, says: str, meanwhile: Meanwhile) -> None:
+    def ask(self, text: str, meanwhile: Meanwhile) -> None:
         """Perform the requested action."""
 
 
-class NoHands:
+class NoOperator:
     """No operator: a plan that needs one is refused."""
 
     who = ""
@@ -141,22 +141,22 @@ class NoHands:
         """Raise `SafetyError`."""
         raise SafetyError(f"an operator must {turn_question(rate_dps)}; run it at a terminal")
 
-    def ask(self, says: str, meanwhile: Meanwhile) -> None:
+    def ask(self, text: str, meanwhile: Meanwhile) -> None:
         """Raise `SafetyError`."""
-        raise SafetyError(f"an operator must {says}; run it at a terminal")
+        raise SafetyError(f"an operator must {text}; run it at a terminal")
 
 
-HAND_ERROR = 0.03
+MANUAL_RATE_ERROR = 0.03
 """Relative error of the rates that the simulated operator sets, too high and too low in turn."""
 
 
-class SimulatedHands:
+class SimulatedOperator:
     """Operator actions on a simulated bench in this process; only those on a manual table take time."""
 
     who = "the simulated bench"
 
     def __init__(self, world: World) -> None:
-        self._world, self._error = world, HAND_ERROR
+        self._world, self._error = world, MANUAL_RATE_ERROR
 
     def power(self, on: bool, meanwhile: Meanwhile) -> None:
         """Switch the supply of the simulated gyro."""
@@ -172,11 +172,11 @@ class SimulatedHands:
         turn_by_hand(self._world.table, rate_dps * (1.0 + self._error))
         self._error = -self._error
 
-    def ask(self, says: str, meanwhile: Meanwhile) -> None:
+    def ask(self, text: str, meanwhile: Meanwhile) -> None:
         """Do nothing: the simulated bench has neither door nor cable."""
 
 
-class OperatorHands:
+class TerminalOperator:
     """An operator at the terminal, who reads instructions on stderr and answers on stdin: Enter when done, or refuse.
 
     Raises `StoppedError` if the operator refuses, `SafetyError` if the terminal closes before the answer.
@@ -198,37 +198,37 @@ class OperatorHands:
         """Ask the operator to set the rate."""
         _ask(turn_question(rate_dps), meanwhile, at_rest=False)
 
-    def ask(self, says: str, meanwhile: Meanwhile) -> None:
+    def ask(self, text: str, meanwhile: Meanwhile) -> None:
         """Ask the operator to perform the requested action."""
-        _ask(says, meanwhile)
+        _ask(text, meanwhile)
 
 
-def hands_at_the_terminal(bench: Bench) -> Hands:
-    """Return the operator of a bench if stdin and stderr are a terminal, else `NoHands`."""
+def operator_at_terminal(bench: Bench) -> Operator:
+    """Return the operator of a bench if stdin and stderr are a terminal, else `NoOperator`."""
     if _is_terminal(sys.stdin) and _is_terminal(sys.stderr):
-        return OperatorHands(bench.unit.serial, bench.operator)
-    return NoHands()
+        return TerminalOperator(bench.unit.serial, bench.operator)
+    return NoOperator()
 
 
 def request_turn(rate_dps: float) -> None:
     """Request a rate of a manual table, or a stop, on stderr, without waiting for an answer."""
-    warning = "" if rate_dps else " NOW: nobody else can; benchctl waits until the encoder shows it at rest"
+    warning = "" if rate_dps else " NOW: only the operator can; benchctl waits until the encoder shows it at rest"
     say(f"{turn_question(rate_dps)}{warning}")
 
 
-def refuse_without_hands(
-    procedure: str, steps: Iterable[tuple[int, Step]], hands: Hands, *, by_hand: bool = False
+def require_operator(
+    procedure: str, steps: Iterable[tuple[int, Step]], operator: Operator, *, by_hand: bool = False
 ) -> None:
     """Raise `UsageError` if a step, given with its number in the plan, needs an operator and there is none.
 
     `by_hand` is as for `questions`.
     """
     for number, step in steps:
-        if (isinstance(step, ByHand) or (by_hand and turned_dps(step))) and not hands.who:
+        if (isinstance(step, ByHand) or (by_hand and turned_dps(step))) and not operator.who:
             raise UsageError(
-                f"procedure {procedure}, step {number}: {step.label}: somebody has to do it by hand, and nobody can be "
-                "asked; run it at a terminal (stdin and stderr), with --answers FILE, or on a bench with simulated = "
-                "true; benchctl check lists the questions"
+                f"procedure {procedure}, step {number}: {step.label}: needs an operator, and there is none; run it "
+                "at a terminal (stdin and stderr), with --answers FILE, or on a bench with simulated = true; benchctl "
+                "check lists the questions"
             )
 
 
@@ -265,7 +265,7 @@ def _answered(terminal: int, what: str, meanwhile: Meanwhile) -> bytes:
         meanwhile()
     if answer.lost:
         raise SafetyError(
-            f"asked an operator: {what}; the terminal was closed before an answer; open another, then run again"
+            f"prompted the operator: {what}; the terminal was closed before an answer; open another, then run again"
         )
     return answer.line.strip().lower()
 
@@ -319,9 +319,9 @@ class Answers:
     path: Path
     by_question: Mapping[str, str]
 
-    def refuse_unanswered(self, asked: Iterable[Question]) -> None:
+    def refuse_unanswered(self, expected: Iterable[Question]) -> None:
         """Raise `UsageError` if a question has no answer; it lists all such questions as lines for the file."""
-        without = list(dict.fromkeys(one.says for one in asked if one.says not in self.by_question))
+        without = list(dict.fromkeys(one.text for one in expected if one.text not in self.by_question))
         if not without:
             return
         close = nearest(without[0], self.by_question)
@@ -333,13 +333,13 @@ class Answers:
         )
 
 
-class AnsweringHands:
+class AnswerFile:
     """Answers from a file in place of an operator; on a bench simulated in this process, `then` performs the actions.
 
     Raises `StoppedError` if the file refuses.
     """
 
-    def __init__(self, answers: Answers, unit: str, then: Hands | None) -> None:
+    def __init__(self, answers: Answers, unit: str, then: Operator | None) -> None:
         self.who = f"the answers of {answers.path}"
         self._by_question, self._unit, self._then = answers.by_question, unit, then
 
@@ -363,15 +363,15 @@ class AnsweringHands:
         else:
             self._then.turn(rate_dps, meanwhile)
 
-    def ask(self, says: str, meanwhile: Meanwhile) -> None:
+    def ask(self, text: str, meanwhile: Meanwhile) -> None:
         """Perform the requested action, or end the run."""
-        self._answer(says)
+        self._answer(text)
         if self._then is not None:
-            self._then.ask(says, meanwhile)
+            self._then.ask(text, meanwhile)
 
-    def _answer(self, says: str) -> None:
-        if self._by_question.get(says) != DONE:
-            raise StoppedError(f"stopped by {self.who}: refused to {says}")
+    def _answer(self, text: str) -> None:
+        if self._by_question.get(text) != DONE:
+            raise StoppedError(f"stopped by {self.who}: refused to {text}")
 
 
 def read_answers(path: Path) -> Answers:
@@ -389,6 +389,6 @@ def read_answers(path: Path) -> Answers:
     return Answers(path=path, by_question=found)
 
 
-def answer_line(says: str) -> str:
+def answer_line(text: str) -> str:
     """Return a question as a line of a file of answers, answered with `done`."""
-    return f'{json.dumps(says, ensure_ascii=False)} = "{DONE}"'
+    return f'{json.dumps(text, ensure_ascii=False)} = "{DONE}"'
