@@ -113,4 +113,4 @@ def _require_plain(document: object, name: str) -> None:
             inner = value.values() if isinstance(value, dict) else value
             waiting.extend((item, depth + 1) for item in inner)
         elif isinstance(value, int) and abs(value) > LARGEST_WHOLE_NUMBER:
-            raise UsageError(f"{name}: holds a whole number of {value.bit_length()} bits, expected at most 64")
+            raise UsageError(f"{name}: holds an integer of {value.bit_length()} bits, expected at most 64")

@@ -69,7 +69,7 @@ class SigningKey:
 
 
 def read_signing_key(path: Path, passphrase: Callable[[], str]) -> SigningKey:
-    """Read an OpenSSH Ed25519 key and, from PATH.pub beside it, its comment, which is the name of its owner.
+    """Read an OpenSSH Ed25519 key and, from PATH.pub next to it, its comment, which is the name of its owner.
 
     `passphrase` is called only if the key has one.
 
@@ -108,21 +108,21 @@ def _private_key(path: Path, passphrase: Callable[[], str]) -> object:
 
 def _name_of(path: Path, public: PublicKey) -> str:
     """Return the comment of PATH.pub; the private file has it too, but encrypted, and cryptography skips it."""
-    beside = path.with_name(f"{path.name}.pub")
-    if not beside.exists():
+    public_file = path.with_name(f"{path.name}.pub")
+    if not public_file.exists():
         raise UsageError(
-            f"key {beside}: is not there, and its comment names the signer; "
-            f"make it with ssh-keygen -y -f {path} > {beside}"
+            f"key {public_file}: is not there, and its comment names the signer; "
+            f"make it with ssh-keygen -y -f {path} > {public_file}"
         )
-    content = read_whole(beside, _MOST_KEY_BYTES, "key ").decode("utf-8", errors="replace")
+    content = read_whole(public_file, _MOST_KEY_BYTES, "key ").decode("utf-8", errors="replace")
     fields = content.strip().split(maxsplit=2)
     if " ".join(fields[:2]) != str(public):
         raise UsageError(
-            f"key {beside}: is not the public half of {path}; make it with ssh-keygen -y -f {path} > {beside}"
+            f"key {public_file}: is not the public half of {path}; make it with ssh-keygen -y -f {path} > {public_file}"
         )
     if len(fields) < 3:
         raise UsageError(
-            f"key {beside}: has no comment, which names the signer; write one with ssh-keygen -c -C NAME -f {path}"
+            f"key {public_file}: has no comment, which names the signer; write one with ssh-keygen -c -C NAME -f {path}"
         )
     return fields[2]
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 from benchctl.limits import shown
 
 _NUMBERS = frozenset({int, float})
-_WORDS = {bool: "true or false", int: "a whole number", float: "a number", datetime.date: "a date, as in 2027-01-31"}
+_WORDS = {bool: "true or false", int: "an integer", float: "a number", datetime.date: "a date, as in 2027-01-31"}
 
 
 class Table(BaseModel):

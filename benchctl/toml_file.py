@@ -96,9 +96,9 @@ def line_of(text: str, place: Place) -> int:
     return best
 
 
-def named_place(says: str) -> Place:
+def named_place(message: str) -> Place:
     """Return the field at the beginning of a message: `safe.chamber_c (99) lies …`, or `[effects.warm_up] tau_s: …`."""
-    found = _NAMED.match(says)
+    found = _NAMED.match(message)
     return (*_parts(found[1]), *([found[2]] if found[2] else [])) if found else ()
 
 

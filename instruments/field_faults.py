@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 _KINDS = {
     "number": "a number",
-    "integer": "a whole number",
+    "integer": "an integer",
     "string": "text",
     "boolean": "true or false",
     "list": "a list",
@@ -51,17 +51,17 @@ def field_fault(fault: ErrorDetails, shown: Callable[[Any], str]) -> str:
             return f"{expectation(fault['msg'])}, got {shown(fault['input'])}"
 
 
-def expectation(says: str) -> str:
+def expectation(message: str) -> str:
     """Return a pydantic message about a value, reworded as an expectation.
 
     >>> expectation("Input should be greater than or equal to 0")
     'expected a number of at least 0'
     >>> expectation("Input should be a valid integer, unable to parse string as an integer")
-    'expected a whole number'
+    'expected an integer'
     """
-    if found := _VALID.fullmatch(says):
+    if found := _VALID.fullmatch(message):
         return f"expected {_KINDS[found[1]]}"
     for pattern, words in _WORDS:
-        if found := re.fullmatch(pattern, says, re.DOTALL):
+        if found := re.fullmatch(pattern, message, re.DOTALL):
             return f"expected {found.expand(words)}"
-    return in_line(says)
+    return in_line(message)

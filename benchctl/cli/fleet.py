@@ -187,7 +187,7 @@ def _judge(ended: Fleet, stopped: bool, result: Result) -> None:
         raise typer.Exit(_STOPPED if stopped else UsageError.exit_status)
     of_all = f"of {len(ended.members)} recordings"
     if failed:
-        raise UsageError(f"{of_all} {len(failed)} could not be done, the first: {failed[0].says}")
+        raise UsageError(f"{of_all} {len(failed)} could not be done, the first: {failed[0].reason}")
     if rejected:
         result.ok, result.error = False, f"{of_all} {rejected} do not pass"
         raise typer.Exit(1)

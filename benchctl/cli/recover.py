@@ -35,13 +35,13 @@ def recover(
             "status": closed.status,
             "reason": closed.reason,
             "was_closed": closed.was_closed,
-            "steps": {"whole": closed.whole, "cut": len(cut)},
+            "steps": {"whole": closed.complete, "cut": len(cut)},
             "samples": sum(info.samples for info in closed.steps),
             "unreadable": [str(file) for file in closed.unreadable],
         }
         done = "was closed before, nothing to do" if closed.was_closed else "closed"
         result.say(f"{closed.recording}: {done}; {closed.status}{f' ({closed.reason})' if closed.reason else ''}")
-        result.say(f"{closed.whole} steps are complete, {len(cut)} cut")
+        result.say(f"{closed.complete} steps are complete, {len(cut)} cut")
         for info in cut:
             result.say(f"cut: step {info.index} {info.name}, {info.samples:,} samples until {info.t_end:.1f} s")
         for file in closed.unreadable:

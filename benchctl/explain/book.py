@@ -101,7 +101,7 @@ def _facts(group: Group, kind: type[DescribedEffect]) -> Iterator[tuple[str, str
     stage = getattr(kind, "stage", "")
     if stage:
         yield "Acts on", tables()["stages"][group].get(stage, stage.replace("_", " "))
-    yield "Seen along", f"{vocabulary.coordinate(kind.coordinate)} ({kind.coordinate})"
+    yield "Depends on", f"{vocabulary.coordinate(kind.coordinate)} ({kind.coordinate})"
     yield "Brought out by", kind.excited_by
     if group == "gyro":
         own = tables()["procedures"].get(kind.coordinate, ())

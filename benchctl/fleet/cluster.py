@@ -222,13 +222,13 @@ def _outcome_of(future: Any, status: str, job: Job) -> JobOutcome:
         raise CancelledError
     error = future.exception()
     if isinstance(error, KilledWorker):
-        says = (
+        reason = (
             f"{error.allowed_failures + 1} workers died of it: killed, out of memory, or by a fault of HDF5's library; "
             f"try it alone: benchctl {job.verb}"
         )
     else:
-        says = f"the worker could not do it: {type(error).__name__}: {in_line(str(error))}"
-    return JobOutcome(state="failed", reason=f"{job.recording.where}: {says}")
+        reason = f"the worker could not do it: {type(error).__name__}: {in_line(str(error))}"
+    return JobOutcome(state="failed", reason=f"{job.recording.where}: {reason}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -313,7 +313,7 @@ def _member(job: Job, outcome: JobOutcome, out: str | None) -> Member:
         serial=unit.serial if unit else "",
         model=unit.model if unit else "",
         state=outcome.state,
-        says=outcome.reason,
+        reason=outcome.reason,
         stated={verb: record.stated for verb, record in records.items()},
         reports={verb: f"{place_of(job.recording, verb, out).where}/{REPORTS[verb]}" for verb in records},
     )

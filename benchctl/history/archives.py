@@ -46,7 +46,7 @@ def _unpack(path: Path, folder: Path) -> None:
         if size > most_bytes:
             raise UsageError(
                 f"{path}: unpacks to more than {most_bytes / 1e6:.0f} MB, which its size or the disk for temporary "
-                "files does not allow; unpack it by hand if you trust it, and name the folder"
+                "files does not allow; if you trust it, unpack it and name the folder"
             )
         place = PureWindowsPath(name)  # it knows drives and both separators
         if place.anchor or ".." in place.parts:

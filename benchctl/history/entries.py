@@ -146,7 +146,7 @@ def _moment(text: str) -> str:
         moment = datetime.fromisoformat(text)
         moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
     except (ValueError, OverflowError) as err:
-        raise UsageError(f"says that it was made at {shown(text)}, expected ISO 8601; it is not counted") from err
+        raise UsageError(f"states that it was made at {shown(text)}, expected ISO 8601; it is not counted") from err
     return moment.isoformat(timespec="seconds")
 
 

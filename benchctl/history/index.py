@@ -94,11 +94,11 @@ def find(folder: Path, *, follow_links: bool = True) -> tuple[list[FoundFile], l
 def _folders(folder: Path, problems: list[Mismatch], *, follow_links: bool) -> Iterator[tuple[Path, list[str]]]:
     """Yield every folder once, however it is linked, with the names of its files."""
 
-    def told(err: OSError) -> None:
+    def report(err: OSError) -> None:
         problems.append(Mismatch(_key(Path(err.filename), folder), f"cannot be looked into: {reason(err)}"))
 
     visited: set[tuple[int, int]] = set()
-    found = os.walk(folder, followlinks=True, onerror=told) if follow_links else walk(folder, told)
+    found = os.walk(folder, followlinks=True, onerror=report) if follow_links else walk(folder, report)
     for place, folders, names in found:
         stat = os.stat(place, follow_symlinks=follow_links)
         # A file system without such numbers returns 0: its folders have no links either.

@@ -211,7 +211,7 @@ def _parse_whole(text: str, unit: str) -> int:
         return int(text)
     number = quantity(text, unit) if unit else math.nan
     if not number.is_integer():
-        raise UsageError(f"expected a whole number, got {shown(text)}")
+        raise UsageError(f"expected an integer, got {shown(text)}")
     return int(number)
 
 

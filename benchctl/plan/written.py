@@ -10,8 +10,8 @@ from benchctl.plan.procedure import Plan
 from benchctl.plan.steps import Step
 
 
-def plan_source(plan: Plan, says: str) -> str:
-    """Return the source of a procedure that yields exactly the steps of the plan; its docstring begins with `says`."""
+def plan_source(plan: Plan, description: str) -> str:
+    """Return the source of a procedure that yields the plan's steps; its docstring begins with `description`."""
     kinds = sorted({type(step).__name__ for step in plan.steps}, key=str.lower)
     given = ", ".join(f"{name}={text}" for name, text in as_texts(plan.parameters).items())
     return "\n".join(
@@ -21,7 +21,7 @@ def plan_source(plan: Plan, says: str) -> str:
             "",
             "@procedure()",
             f"def {plan.procedure}():",
-            f"    {' '.join(says.split())!r}",
+            f"    {' '.join(description.split())!r}",
             f"    # the steps of {plan.procedure}({given})",
             *(f"    yield {_call(step)}" for step in plan.steps),
             "",

@@ -150,7 +150,7 @@ def _typed(name: str, value: Any, wanted: Any) -> Any:
             return float(value)
         if value == int(value) and 0 <= value <= LARGEST_WHOLE_NUMBER:
             return wanted(value)
-    expected = {str: "text", float: "a finite number", int: "a whole number", bool: "0 or 1"}[wanted]
+    expected = {str: "text", float: "a finite number", int: "an integer", bool: "0 or 1"}[wanted]
     raise ValueError(f"{name} is {shown(value)}, expected {expected}")
 
 

@@ -56,10 +56,10 @@ class Mismatch:
     """One difference from the written state: where it is, and what is wrong."""
 
     where: str
-    says: str
+    message: str
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.says}"
+        return f"{self.where}: {self.message}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -136,7 +136,7 @@ class RecordingFile:
             group = child_group(steps, name)
             info = read_info(group)
             if f"{STEPS}/{name}" != group_name(info.index):
-                raise ValueError(f"the group /{STEPS}/{name} says that its index is {info.index}")
+                raise ValueError(f"the group /{STEPS}/{name} states that its index is {info.index}")
             return info
         except ValueError as err:
             raise ValueError(f"step {shown(name)}: {err}") from err

@@ -219,7 +219,7 @@ def _check_stamps(path: Path, stamps_s: FloatArray, rate_hz: float, decimals: Ma
         require_uniform(stamps_s, rate_hz, resolution)
     except StampError as err:
         raise UsageError(
-            f"{path}, line {err.row + 2}, column time_s: {err.says}; "
+            f"{path}, line {err.row + 2}, column time_s: {err.message}; "
             "correct the stamps, or say in a map file (--map) how to treat them"
         ) from err
 

@@ -33,7 +33,7 @@ FILLED = "filled"
 
 
 def build_recording(
-    raw: RawColumns, mapping: ColumnMap, map_name: str, beside: Description | None = None
+    raw: RawColumns, mapping: ColumnMap, map_name: str, description: Description | None = None
 ) -> tuple[Meta, list[Step]]:
     """Build a recording in memory; unit, bench and steps that the map does not state are taken from the description.
 
@@ -48,7 +48,7 @@ def build_recording(
     if mapping.time is None or mapping.channels is None:
         raise UsageError(f"{map_name}: maps no samples, expected [time] and [channels.…]")
     entries = mapping.channels.columns
-    base = _clock(raw, mapping.time, _stated_rate(mapping, beside))
+    base = _clock(raw, mapping.time, _stated_rate(mapping, description))
     channels: dict[str, FloatArray] = {TIME: base.time_s}
     for name, entry in entries.items():
         values = converted(raw, name, entry)
@@ -59,7 +59,7 @@ def build_recording(
     if base.filled.any():
         channels[FILLED] = base.filled.astype(np.float64)
     steps = cut_into_steps(
-        _entries(mapping, beside),
+        _entries(mapping, description),
         channels,
         rate_hz=base.rate_hz,
         where=lambda k: f"{map_name}, steps[{k}]",
@@ -78,43 +78,43 @@ def build_recording(
         provenance["treatment_json"] = _told_as_json(base, base.survey, raw.first_row)
     meta = Meta(
         status="imported",
-        unit=unit_of(mapping, beside, map_name),
-        bench=bench_of(mapping, beside, base.rate_hz),
+        unit=unit_of(mapping, description, map_name),
+        bench=bench_of(mapping, description, base.rate_hz),
         provenance=provenance,
-        simulation=None if beside is None else beside.simulation,
+        simulation=None if description is None else description.simulation,
         extra=extra,
     )
     return meta, steps
 
 
-def unit_of(mapping: ColumnMap, beside: Description | None, map_name: str) -> Unit:
+def unit_of(mapping: ColumnMap, description: Description | None, map_name: str) -> Unit:
     """Return the gyro under test; raises `UsageError` if neither map nor description states it."""
     if mapping.unit is not None:
         return Unit(**mapping.unit.model_dump())
-    if beside is None:
+    if description is None:
         raise UsageError(f"{map_name}: [unit] is needed: at least serial, the gyro under test")
-    return beside.unit
+    return description.unit
 
 
-def bench_of(mapping: ColumnMap, beside: Description | None, rate_hz: float | None) -> BenchFacts:
+def bench_of(mapping: ColumnMap, description: Description | None, rate_hz: float | None) -> BenchFacts:
     """Return the facts about the bench, from the map, else from the description; the rate is that of the clock."""
     stated = {name: getattr(mapping.bench, name) for name in mapping.bench.model_fields_set}
-    known = {**({} if beside is None else asdict(beside.bench)), **stated, "sample_rate_hz": rate_hz or 0.0}
+    known = {**({} if description is None else asdict(description.bench)), **stated, "sample_rate_hz": rate_hz or 0.0}
     return BenchFacts(**known)
 
 
-def _entries(mapping: ColumnMap, beside: Description | None) -> Sequence[StepEntry]:
+def _entries(mapping: ColumnMap, description: Description | None) -> Sequence[StepEntry]:
     if mapping.steps:
         return mapping.steps
-    if beside is not None and beside.steps:
-        return beside.steps
+    if description is not None and description.steps:
+        return description.steps
     return [StepEntry(name="recording", kind="motion")]
 
 
-def _stated_rate(mapping: ColumnMap, beside: Description | None) -> float | None:
+def _stated_rate(mapping: ColumnMap, description: Description | None) -> float | None:
     if mapping.bench.sample_rate_hz is not None:
         return mapping.bench.sample_rate_hz
-    return None if beside is None else beside.bench.sample_rate_hz
+    return None if description is None else description.bench.sample_rate_hz
 
 
 def _clock(raw: RawColumns, entry: TimeEntry, stated_hz: float | None) -> TimeBase:
@@ -133,7 +133,7 @@ def _clock(raw: RawColumns, entry: TimeEntry, stated_hz: float | None) -> TimeBa
         require_uniform(stamps, rate_hz, printed_resolution(stamps))
     except StampError as err:
         advice = "leave rows out (file.first_line)" if entry.stamps == "repair" else 'see time.stamps: "repair", "keep"'
-        raise UsageError(f"{raw.place(err.row, TIME)}: {err.says}; {advice}") from err
+        raise UsageError(f"{raw.place(err.row, TIME)}: {err.message}; {advice}") from err
     return as_stamped(stamps, rate_hz)
 
 
@@ -175,10 +175,10 @@ def _summed(base: TimeBase, rate_dps: FloatArray) -> FloatArray:
 def _treatment(base: TimeBase, raw: RawColumns, entry: TimeEntry) -> str:
     """Return the report in words."""
     if entry.rate_hz is not None:
-        return f"no stamps in the file; rows taken as uniform at {entry.rate_hz:.9g} Hz, as the map says"
+        return f"no stamps in the file; rows taken as uniform at {entry.rate_hz:.9g} Hz, as the map states"
     if base.survey is None:
         kept = "not uniform" if base.rate_hz is None else f"uniform at {base.rate_hz:.9g} Hz"
-        return f"stamps as they stand ({kept}), counted from the first"
+        return f"stamps unchanged ({kept}), counted from the first"
     survey, first = base.survey, raw.first_row
     lost = sum(gap.missing for gap in survey.gaps)
     sentences = [

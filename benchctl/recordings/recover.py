@@ -219,7 +219,7 @@ class Recovered:
     was_closed: bool
 
     @property
-    def whole(self) -> int:
+    def complete(self) -> int:
         """The number of complete steps."""
         return sum(info.whole for info in self.steps)
 

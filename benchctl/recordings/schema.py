@@ -169,17 +169,17 @@ def meta_attributes(meta: Meta) -> dict[str, Plain]:
     )
 
 
-def write_attributes(thing: h5py.Group, told: Mapping[str, Plain]) -> None:
+def write_attributes(thing: h5py.Group, values: Mapping[str, Plain]) -> None:
     """Write attributes from `info_attributes` or `meta_attributes`; `UsageError` if HDF5 cannot store one of them."""
-    for name, value in told.items():
+    for name, value in values.items():
         try:
             write_attribute(thing, name, value)
         except (ValueError, OverflowError) as err:
             raise UsageError(f"{name} = {shown(value)}: HDF5 cannot keep this: {err}; correct it") from err
 
 
-def _known(told: Mapping[str, Any]) -> dict[str, Plain]:
-    return {name: plain(value) for name, value in told.items() if value is not None}
+def _known(values: Mapping[str, Any]) -> dict[str, Plain]:
+    return {name: plain(value) for name, value in values.items() if value is not None}
 
 
 Plain = str | int | float

@@ -39,10 +39,10 @@ _DRIFT_BLOCK = 500
 class StampError(Exception):
     """Stamps that cannot be used; `row` counts samples from 0."""
 
-    def __init__(self, row: int, says: str) -> None:
+    def __init__(self, row: int, message: str) -> None:
         self.row = row
-        self.says = says
-        super().__init__(f"sample {row}: {says}")
+        self.message = message
+        super().__init__(f"sample {row}: {message}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,7 +204,7 @@ def repair(stamps_s: FloatArray, repeats: BoolArray, *, fill: bool) -> TimeBase:
     try:
         require_increase(clock)
     except StampError as err:
-        raise StampError(int(kept[err.row]), err.says) from None
+        raise StampError(int(kept[err.row]), err.message) from None
     if clock.size < 3:
         raise StampError(0, "fewer than three different stamps: they define no clock")
     places, period, restarts = _places(clock, kept)

@@ -102,7 +102,7 @@ def _problems_of_recording(path: Path) -> list[Mismatch]:
         if file.name.endswith(PART_SUFFIX):
             problems.append(Mismatch(file.name, "was not finished: it is being written, or its program died"))
         else:
-            problems += [Mismatch(f"{file.name}, {problem.where}", problem.says) for problem in _problems_of_file(file)]
+            problems += [Mismatch(f"{file.name}, {one.where}", one.message) for one in _problems_of_file(file)]
     return problems
 
 

@@ -225,10 +225,10 @@ def _fit(diagnosis: Diagnosis, unit: str) -> str:
     return f"residual on held-out steps, rms: {residuals}"
 
 
-def _wrapped(told: str, indent: str = "") -> list[str]:
+def _wrapped(line: str, indent: str = "") -> list[str]:
     """Wrap to lines of at most `_WIDTH` characters with a hanging indent; a number stays with its unit."""
     return textwrap.wrap(
-        told,
+        line,
         _WIDTH,
         initial_indent=indent,
         subsequent_indent=f"{indent}   ",

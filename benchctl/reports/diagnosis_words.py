@@ -36,9 +36,9 @@ def coordinate_unit(name: str, output_unit: str) -> str:
     return output_unit if name == "output" else text.unit_text(COORDINATE_UNITS.get(name, "1"))
 
 
-def prose(told: str) -> str:
+def prose(sentence: str) -> str:
     """Return a sentence of the diagnosis as printed: coordinates in words, a true minus sign."""
-    joined = re.sub(r"\b[a-z_]+(?:\*[a-z_]+)+", lambda found: _the(found[0]), told.replace("`", ""))
+    joined = re.sub(r"\b[a-z_]+(?:\*[a-z_]+)+", lambda found: _the(found[0]), sentence.replace("`", ""))
     named = _NAMES.sub(lambda found: _the(found[0]) if "_" in found[0] else found[0], joined)
     return text.raised(re.sub(r"(?<![\w.+−-])-(?=\d)", "−", named))
 
@@ -55,7 +55,7 @@ def counted(count: int, what: str) -> str:
 
 def place(where: Where, output_unit: str, share_of: str = "what the noise does not account for") -> str:
     """Return where a mismatch occurs, as a sentence; `share_of` names the quantity that the ranges hold a share of."""
-    description = f"Seen along: {coordinate(where.coordinate)}"
+    description = f"Depends on: {coordinate(where.coordinate)}"
     if where.ranges:
         description += f", {_ranges(where, output_unit)}"
     if where.share_of_excess > 0:

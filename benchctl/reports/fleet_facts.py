@@ -23,7 +23,7 @@ VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE")
 class Member:
     """A recording of the fleet: the outcome of the verb, and the `stated` results by verb, including earlier verbs.
 
-    `recording` is its path or URL, as are `reports`, by verb; `says` is the reason of a failure.
+    `recording` is its path or URL, as are `reports`, by verb; `reason` is that of a failure.
     """
 
     recording: str
@@ -31,7 +31,7 @@ class Member:
     serial: str
     model: str
     state: Literal["done", "kept", "failed"]
-    says: str
+    reason: str
     stated: Mapping[FleetVerb, Stated]
     reports: Mapping[FleetVerb, str]
 
@@ -169,7 +169,7 @@ def fleet_values(fleet: Fleet) -> dict[str, Any]:
             "left": fleet.left,
         },
         "members": [_member(member) for member in fleet.members],
-        "failures": [{"recording": one.recording, "says": one.says} for one in fleet.ended("failed")],
+        "failures": [{"recording": one.recording, "says": one.reason} for one in fleet.ended("failed")],
         "figures": [_spread(spread) for spread in spreads(fleet)],
         "effects": [_recurring(one, len(diagnosed(fleet))) for one in recurring(fleet)],
         "tests": [
@@ -193,7 +193,7 @@ def _member(member: Member) -> dict[str, Any]:
         "unit": member.serial,
         "model": member.model,
         "state": member.state,
-        "says": member.says,
+        "says": member.reason,
         "verdicts": {verb: stated.verdict for verb, stated in member.stated.items() if stated.verdict},
         "reports": dict(member.reports),
     }
@@ -256,7 +256,7 @@ def lines(fleet: Fleet) -> Iterator[str]:
     left = [f"{fleet.left} left"] if fleet.left else []
     total = len(fleet.members) + fleet.left
     yield f"{fleet.verb} of {total} {'recording' if total == 1 else 'recordings'}: {', '.join([*states, *left])}"
-    yield from _first([f"failed: {member.says}" for member in fleet.ended("failed")])
+    yield from _first([f"failed: {member.reason}" for member in fleet.ended("failed")])
     yield from _first(
         [
             f"apart: {spread.name} of {label(member)}: {text.with_unit(text.number(figure.value, 5), spread.unit)}, "
@@ -281,7 +281,7 @@ def lines(fleet: Fleet) -> Iterator[str]:
     )
 
 
-def _first(told: list[str]) -> Iterator[str]:
-    yield from told[:_MOST]
-    if len(told) > _MOST:
-        yield f"and {len(told) - _MOST} more such; the report has all"
+def _first(lines: list[str]) -> Iterator[str]:
+    yield from lines[:_MOST]
+    if len(lines) > _MOST:
+        yield f"and {len(lines) - _MOST} more such; the report has all"

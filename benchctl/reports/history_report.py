@@ -72,7 +72,7 @@ def values(history: History, units: Sequence[UnitHistory]) -> dict[str, Any]:
             }
             for unit in units
         ],
-        "problems": [{"where": problem.where, "says": problem.says} for problem in history.problems],
+        "problems": [{"where": problem.where, "says": problem.message} for problem in history.problems],
         "index": history.index,
     }
 

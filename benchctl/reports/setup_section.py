@@ -156,10 +156,10 @@ def _listed(value: object) -> str:
     return "(" + ", ".join(str(item) for item in value) + ")" if isinstance(value, list) else str(value)
 
 
-def _mapping(told: str) -> dict[str, object]:
+def _mapping(recorded: str) -> dict[str, object]:
     """Return a JSON object of the provenance; text that cannot be parsed is kept under the key `as recorded`."""
     try:
-        found = json_document(told, "provenance") if told else {}
+        found = json_document(recorded, "provenance") if recorded else {}
     except UsageError:
-        return {"as recorded": cut(told)}
-    return found if isinstance(found, dict) else {"as recorded": cut(told)}
+        return {"as recorded": cut(recorded)}
+    return found if isinstance(found, dict) else {"as recorded": cut(recorded)}

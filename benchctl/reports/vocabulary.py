@@ -57,6 +57,6 @@ def coordinate(name: str) -> str:
     return " together with ".join(COORDINATES.get(part, part.replace("_", " ")) for part in name.split("*"))
 
 
-def unit(told: str) -> str:
+def unit(written: str) -> str:
     """Return a unit as printed, on one line."""
-    return _UNITS.get(told) or text.unit_text(told).replace(" ", "\u00a0")
+    return _UNITS.get(written) or text.unit_text(written).replace(" ", "\u00a0")

@@ -76,7 +76,7 @@ def _code(key: str) -> int:
     except ValueError:
         code = -1
     if not 0 <= code <= HIGHEST_WORD:
-        raise ValueError(f"expected whole numbers 0 to {HIGHEST_WORD} in front of the words, got {key!r}")
+        raise ValueError(f"expected integers 0 to {HIGHEST_WORD} in front of the words, got {key!r}")
     return code
 
 

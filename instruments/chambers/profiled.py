@@ -253,7 +253,7 @@ class ProfiledChamber(ModbusChamber):
 def recognition_of(profile: Profile) -> tuple[ByRegisters]:
     """Return how the controller of a profile is recognised: by everything that its driver reads.
 
-    A single in the wrong place rarely makes sense as a temperature; a whole number often does.
+    A single in the wrong place rarely makes sense as a temperature; an integer often does.
     """
     at_once = profile
     if profile.busy is not None:

@@ -39,9 +39,7 @@ class TableParameters:
                 f"a servo of {self.natural_hz} Hz and damping {self.damping}; give above 0 Hz, damping between 0 and 1"
             )
         if self.ripple_order < 1:
-            raise UsageError(
-                f"a ripple_order of {self.ripple_order}; give a whole number of times a revolution, 1 or more"
-            )
+            raise UsageError(f"a ripple_order of {self.ripple_order}; give an integer of times a revolution, 1 or more")
         if min(self.rate_limit_dps, self.acceleration_limit_dps2, self.friction_dps2) <= 0.0:
             raise UsageError("rate_limit_dps, acceleration_limit_dps2 and friction_dps2 must lie above 0")
 

@@ -132,7 +132,7 @@ def encode_reply(reply: Reply) -> bytes:
 def parse_bits(data: str) -> int:
     """Return a word of 32 bits, 0 or above, from its signed or unsigned text; raises `InstrumentError` if invalid."""
     if not re.fullmatch(r"[+-]?[0-9]{1,10}", data) or not -(2**31) <= int(data) < 2**32:
-        raise InstrumentError(f"expected a whole number of 32 bits, got {data[:MOST_SHOWN]!r}")
+        raise InstrumentError(f"expected an integer of 32 bits, got {data[:MOST_SHOWN]!r}")
     return int(data) & 0xFFFFFFFF
 
 

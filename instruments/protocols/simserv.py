@@ -89,10 +89,10 @@ def read_number(line: str) -> float:
 
 
 def read_whole(line: str) -> int:
-    """Return the whole number in the answer to a query that was accepted."""
+    """Return the integer in the answer to a query that was accepted."""
     number = read_number(line)
     if number != int(number):
-        raise UnreadableError(f"expected a whole number, got {line[:MOST_SHOWN]!r}")
+        raise UnreadableError(f"expected an integer, got {line[:MOST_SHOWN]!r}")
     return int(number)
 
 

@@ -59,7 +59,7 @@ class WorldSettings:
         if not -90.0 <= self.latitude_deg <= 90.0:
             raise UsageError(f"latitude_deg is {self.latitude_deg}; give -90 to 90")
         if self.seed < 0:
-            raise UsageError(f"seed is {self.seed}; give a whole number, 0 or more")
+            raise UsageError(f"seed is {self.seed}; give an integer, 0 or more")
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], *, where: str = "simulated") -> WorldSettings:
@@ -113,6 +113,6 @@ def _checked(wanted: Any, value: object, where: str, name: str) -> object:
         return built(wanted, value, f"{where}.{name}")
     accepted = (int,) if wanted is int else (int, float)
     if isinstance(value, bool) or not isinstance(value, accepted) or not math.isfinite(value):
-        expected = "a whole number" if wanted is int else "a finite number"
+        expected = "an integer" if wanted is int else "a finite number"
         raise UsageError(f"[{where}] {name}: expected {expected}, got {value!r}")
     return wanted(value)

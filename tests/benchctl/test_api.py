@@ -102,7 +102,7 @@ def test_a_plan_of_a_file_is_that_of_the_procedure_in_it(tmp_path: Path) -> None
     ("given", "says"),
     [
         ({"at": 20}, "did you mean at_c"),
-        ({"repeats": 1.5}, "expected a whole number, got '1.5'"),
+        ({"repeats": 1.5}, "expected an integer, got '1.5'"),
         ({"at_c": float("nan")}, "parameter at_c: expected .*'nan'"),
         ({"seconds": None}, "parameter seconds: expected .*'None'"),
     ],

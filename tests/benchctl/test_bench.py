@@ -40,7 +40,7 @@ def test_the_template_is_the_simulated_bench() -> None:
             18,
             "rate_dsp: there is no such field: did you mean rate_dps?; needed and not there: limits.acceleration_dps2",
         ),
-        ("seed = 1", "seed = -1", 127, "[physics] seed is -1; give a whole number, 0 or more"),
+        ("seed = 1", "seed = -1", 127, "[physics] seed is -1; give an integer, 0 or more"),
         ("coldest_c = -55.0", "coldest_c = 90.0", 20, "coldest_c (90) must be below hottest_c (85)"),
         ("chamber_c = 23.0", "chamber_c = 99.0", 30, "safe.chamber_c (99) lies outside"),
         (

@@ -22,10 +22,10 @@ class _Example(Table):
     [
         ("rate", True, "expected a number, got True"),
         ("rate", "2", "expected a number, got '2'"),
-        ("count", "2", "expected a whole number, got '2'"),
+        ("count", "2", "expected an integer, got '2'"),
         ("on", 1, "expected true or false, got 1"),
         ("on", "yes", "expected true or false, got 'yes'"),
-        ("sign", True, "expected a whole number, got True"),
+        ("sign", True, "expected an integer, got True"),
         ("until", 20270131, "expected a date, as in 2027-01-31, got 20270131"),
         ("numbers", [1.0, "2"], "expected a number, got '2'"),
     ],

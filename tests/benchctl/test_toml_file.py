@@ -32,7 +32,7 @@ def _refusal(text: str) -> str:
     ("value", "says"),
     [
         ("9" * 5000, "holds a number with too many digits"),
-        ("0x" + "f" * 5000, "holds a whole number of 20000 bits"),
+        ("0x" + "f" * 5000, "holds an integer of 20000 bits"),
         ("[" * 50 + "]" * 50, "time_factor: expected a number, got [[["),
         ('"' + "x" * 100_000 + '"', "time_factor: expected a number"),
         ("nan", "time_factor: expected"),

@@ -253,7 +253,7 @@ def _steps(steps: h5py.Group) -> tuple[tuple[StepInfo, ...], dict[int, tuple[str
         group = child_group(steps, name)
         info = read_info(group)
         if f"{STEPS}/{name}" != group_name(info.index):
-            raise ValueError(f"the group /{STEPS}/{name} says that its index is {info.index}")
+            raise ValueError(f"the group /{STEPS}/{name} states that its index is {info.index}")
         names = tuple(names_in(group))
         if names not in looked_at:
             looked_at[names] = tuple(one for one in names if is_channel(child(group, one)))

@@ -21,12 +21,12 @@ from benchctl_instruments.errors import UsageError
 
 Level = Literal["info", "warning", "bad"]
 Event = Mapping[str, Any]
-Told = tuple[str, Level]
+Sentence = tuple[str, Level]
 
 _LONGEST = 400
 
 
-def told(event: Event) -> Told | None:
+def sentence_of(event: Event) -> Sentence | None:
     """Return the sentence of an event, and its level; None for an event that is for programs only.
 
     The events are untrusted: whatever they contain, the result is one line of plain text.
@@ -67,7 +67,7 @@ class _Field:
         return f"{value:,}" if isinstance(value, int) else "?"
 
 
-_SENTENCES: Mapping[str, Told] = {
+_SENTENCES: Mapping[str, Sentence] = {
     "certificate": ("{says}", "warning"),
     "cut": ("step {index:,} was cut: {name}, {samples:,} samples", "warning"),
     "frames_lost": (
@@ -88,41 +88,41 @@ _SENTENCES: Mapping[str, Told] = {
 }
 
 
-def _prepared(event: Event) -> Told:
+def _prepared(event: Event) -> Sentence:
     instruments = event.get("instruments")
     names = ", ".join(str(name).replace("_", " ") for name in instruments) if isinstance(instruments, dict) else ""
     return f"ready: {{planned:,}} steps planned{names and f'; {_literal(names)} answered'}", "info"
 
 
-def _silence(event: Event) -> Told:
+def _silence(event: Event) -> Sentence:
     return f"{_literal(event.get('instrument', '')).replace('_', ' ')} is silent: {{says}}", "warning"
 
 
-def _gyro_fault(event: Event) -> Told:
+def _gyro_fault(event: Event) -> Sentence:
     if event.get("says") == "over":
         return "its fault is over", "info"
     return "the digital gyro states a fault: {says}", "warning"
 
 
-def _interlock(event: Event) -> Told:
+def _interlock(event: Event) -> Sentence:
     if not event.get("on"):
         return "interlock is off again: {says} ({value:g})", "info"
     return "interlock: {says} ({value:g}), action {action}", "bad"
 
 
-def _hold(event: Event) -> Told:
+def _hold(event: Event) -> Sentence:
     if event.get("on"):
         return "on hold, the table at rest: {says}", "warning"
     return "goes on, after {waited_s:g} s on hold", "info"
 
 
-def _guard(event: Event) -> Told:
+def _guard(event: Event) -> Sentence:
     if "problems" in event:
         return "guard: {says}", "bad" if event["problems"] else "warning"
     return "guard: {says}", "info" if str(event.get("says", "")).endswith("guards the run") else "warning"
 
 
-def _safe(event: Event) -> Told:
+def _safe(event: Event) -> Sentence:
     problems = event.get("problems")
     if problems:
         listed = "; ".join(map(str, problems)) if isinstance(problems, list) else str(problems)
@@ -130,13 +130,13 @@ def _safe(event: Event) -> Told:
     return "at rest, read back: table at {rate_dps:3g} deg/s, chamber set to {chamber_setpoint_c:g} °C", "info"
 
 
-def _ended(event: Event) -> Told:
+def _ended(event: Event) -> Sentence:
     levels: Mapping[str, Level] = {"complete": "info", "interrupted": "warning"}
     level = levels.get(str(event.get("status")), "bad")
     return "{status}: {reason}" if event.get("reason") else "{status}", level
 
 
-def _recover(event: Event) -> Told:
+def _recover(event: Event) -> Sentence:
     sentence, level = _ended(event)
     return f"closed afterwards by benchctl recover: {sentence}", level
 
@@ -146,7 +146,7 @@ def _literal(value: object) -> str:
     return str(value).replace("{", "{{").replace("}", "}}")
 
 
-_CASES: Mapping[str, Callable[[Event], Told]] = {
+_CASES: Mapping[str, Callable[[Event], Sentence]] = {
     "finish": _ended,
     "guard": _guard,
     "gyro_fault": _gyro_fault,
@@ -229,7 +229,7 @@ def in_words(lines: Iterable[Line]) -> list[dict[str, Any]]:
     """Return the events in some lines, each with its number, time (UTC), kind, sentence and level."""
     found = []
     for number, event in lines:
-        sentence = told(event) if event is not None else None
+        sentence = sentence_of(event) if event is not None else None
         if event is not None and sentence is not None:
             found.append(
                 {

@@ -55,37 +55,37 @@ def plan_in(events: Iterable[Mapping[str, Any]]) -> tuple[PlannedStep, ...]:
     return complete
 
 
-def _list(told: object) -> list[Any]:
-    return told if isinstance(told, list) else []
+def _list(data: object) -> list[Any]:
+    return data if isinstance(data, list) else []
 
 
-def _step(told: object) -> PlannedStep | None:
-    if not isinstance(told, dict):
+def _step(data: object) -> PlannedStep | None:
+    if not isinstance(data, dict):
         return None
-    index, start_s, end_s = told.get("index"), told_number(told.get("t_start_s")), told_number(told.get("t_end_s"))
+    index, start_s, end_s = data.get("index"), number_of(data.get("t_start_s")), number_of(data.get("t_end_s"))
     if not isinstance(index, int) or start_s is None or end_s is None:
         return None
     return PlannedStep(
         index=index,
-        label=cut(str(told.get("label", "")), _LONGEST_TEXT),
-        kind=cut(str(told.get("kind", "")), _LONGEST_TEXT),
+        label=cut(str(data.get("label", "")), _LONGEST_TEXT),
+        kind=cut(str(data.get("kind", "")), _LONGEST_TEXT),
         t_start_s=start_s,
         t_end_s=end_s,
-        streamed_s=told_number(told.get("streamed_s")) or 0.0,
-        setpoint_c=told_number(told.get("setpoint_c")),
-        soak=_soak(told),
+        streamed_s=number_of(data.get("streamed_s")) or 0.0,
+        setpoint_c=number_of(data.get("setpoint_c")),
+        soak=_soak(data),
     )
 
 
-def _soak(told: Mapping[str, Any]) -> Soak | None:
-    setpoint_c, *numbers = (told_number(told.get(name)) for name in ("setpoint_c", *SOAK))
+def _soak(data: Mapping[str, Any]) -> Soak | None:
+    setpoint_c, *numbers = (number_of(data.get(name)) for name in ("setpoint_c", *SOAK))
     if setpoint_c is None or None in numbers:
         return None
     hold_s, tolerance_c, drift_c_per_min = (number or 0.0 for number in numbers)
     return Soak(setpoint_c=setpoint_c, hold_s=hold_s, tolerance_c=tolerance_c, drift_c_per_min=drift_c_per_min)
 
 
-def told_number(value: object, most: float = math.inf) -> float | None:
+def number_of(value: object, most: float = math.inf) -> float | None:
     """Return the value as a number; None if it is not one, not finite, or larger than `most`."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
@@ -145,7 +145,7 @@ class RunState:
     def take(self, events: Iterable[Event]) -> None:
         """Process further events in their order."""
         for event in events:
-            kind, bench_s = event.get("kind"), told_number(event.get("bench_s"), LONGEST_TIME_S)
+            kind, bench_s = event.get("kind"), number_of(event.get("bench_s"), LONGEST_TIME_S)
             wall_s = _wall_s(event.get("wall_time"))
             if bench_s is not None and wall_s is not None:
                 self.last = Instant(bench_s, wall_s)

@@ -55,7 +55,7 @@ function finding(one) {
           `explains ${percent(one.explains, 3)} of the mismatch`,
       ),
       fact(
-        "Seen along",
+        "Depends on",
         where.coordinate &&
           `${where.coordinate.replaceAll("_", " ")}${where.steps?.length ? `, most in ${where.steps.join(", ")}` : ""}`,
       ),

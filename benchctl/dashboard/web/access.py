@@ -40,7 +40,7 @@ async def caller_of(connection: HTTPConnection, site: SiteOf) -> Caller:
     if connection.scope["type"] == "http" and connection.scope["method"] not in _HARMLESS:
         word = connection.headers.get("x-csrf", "")
         if not hmac.compare_digest(word.encode(), session.csrf.encode()):
-            raise RefusalError(403, "X-CSRF is not this session's; GET /api/session says it")
+            raise RefusalError(403, "X-CSRF is not this session's; GET /api/session returns it")
     return Caller(session.role, secret)
 
 
@@ -57,8 +57,8 @@ def _role_of_header(authorization: str, site: SiteOf) -> Role:
     return role
 
 
-def _unknown(says: str) -> RefusalError:
-    return RefusalError(401, says, {"www-authenticate": "Bearer"})
+def _unknown(message: str) -> RefusalError:
+    return RefusalError(401, message, {"www-authenticate": "Bearer"})
 
 
 CallerOf = Annotated[Caller, Depends(caller_of)]

@@ -45,9 +45,7 @@ class Readers:
             self._jobs.put_nowait((loop, future, job))
             return await asyncio.wait_for(future, self._within_s)
         except (queue.Full, TimeoutError) as err:
-            raise RefusalError(
-                503, "too much is asked for at once; try again in a moment", {"retry-after": "2"}
-            ) from err
+            raise RefusalError(503, "too many requests at once; try again in a moment", {"retry-after": "2"}) from err
 
     def _work(self) -> None:
         while True:
@@ -76,20 +74,20 @@ def _settle(future: asyncio.Future[Any], result: object, error: Exception | None
 class RefusalError(Exception):
     """A refused request: HTTP status, a message of one line, and headers that belong to the status."""
 
-    def __init__(self, status: int, says: str, headers: Mapping[str, str] | None = None) -> None:
-        super().__init__(says)
-        self.status, self.says, self.headers = status, says, headers or {}
+    def __init__(self, status: int, message: str, headers: Mapping[str, str] | None = None) -> None:
+        super().__init__(message)
+        self.status, self.message, self.headers = status, message, headers or {}
 
 
-def error_body(says: str) -> bytes:
+def error_body(message: str) -> bytes:
     """Return the body of an error response."""
-    return json.dumps({"error": says}, ensure_ascii=False).encode()
+    return json.dumps({"error": message}, ensure_ascii=False).encode()
 
 
 async def send_refusal(scope: Scope, send: Send, refusal: RefusalError) -> None:
     """Refuse a request, or a websocket before the handshake is complete."""
     kind = "websocket.http.response" if scope["type"] == "websocket" else "http.response"
-    body = error_body(refusal.says)
+    body = error_body(refusal.message)
     headers = {"content-type": "application/json", "content-length": str(len(body)), **refusal.headers}
     pairs = [(name.encode("latin-1"), value.encode("latin-1")) for name, value in headers.items()]
     await send({"type": f"{kind}.start", "status": refusal.status, "headers": pairs})

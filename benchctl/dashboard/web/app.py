@@ -170,40 +170,40 @@ def _described(app: FastAPI, site: Site) -> dict[str, Any]:
 
 _ABOUT = """Campaigns of benchctl: those that run and those that are over.
 
-A websocket at `/api/campaigns/{key}/live`, which OpenAPI cannot describe, says up to four times a second what a
+A websocket at `/api/campaigns/{key}/live`, which OpenAPI cannot describe, sends up to four times a second what a
 campaign does; send `{"watch": {"channels": ["gyro_v"], "window_s": 600, "pixels": 800}}` to have channels with it."""
 
 
 async def _refused(connection: HTTPConnection, error: Exception) -> Response:
     assert isinstance(error, RefusalError)  # noqa: S101 - for the type
-    return _said(error.status, error.says, dict(error.headers))
+    return _error(error.status, error.message, dict(error.headers))
 
 
 async def _unrouted(connection: HTTPConnection, error: Exception) -> Response:
     assert isinstance(error, HTTPException)  # noqa: S101 - for the type
     message = _SAYS.get(error.status_code, str(error.detail))
-    return _said(error.status_code, message, dict(error.headers or {}))
+    return _error(error.status_code, message, dict(error.headers or {}))
 
 
 async def _not_understood(connection: HTTPConnection, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - for the type
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"])
-    return _said(422, f"{where}: {first['msg']}")
+    return _error(422, f"{where}: {first['msg']}")
 
 
 async def _unusable(connection: HTTPConnection, error: Exception) -> Response:
-    return _said(422, " ".join(str(error).split()))
+    return _error(422, " ".join(str(error).split()))
 
 
 async def _unreadable(connection: HTTPConnection, error: Exception) -> Response:
     assert isinstance(error, OSError)  # noqa: S101 - for the type
-    return _said(422, f"cannot be read: {error.strerror or error}")
+    return _error(422, f"cannot be read: {error.strerror or error}")
 
 
 async def _failed(connection: HTTPConnection, error: Exception) -> Response:
-    return _said(500, "a fault of the server; its terminal says more")
+    return _error(500, "a fault of the server; its terminal shows more")
 
 
-def _said(status: int, says: str, headers: dict[str, str] | None = None) -> Response:
-    return Response(error_body(says), status, headers, media_type="application/json")
+def _error(status: int, message: str, headers: dict[str, str] | None = None) -> Response:
+    return Response(error_body(message), status, headers, media_type="application/json")

@@ -47,9 +47,9 @@ class Viewer:
         self._frame, self._text = frame, text
         self._news.set()
 
-    def end(self, says: str) -> None:
+    def end(self, reason: str) -> None:
         """Announce that no more states will follow, and why."""
-        self.ended = says or "over"
+        self.ended = reason or "over"
         self._news.set()
 
     async def next_text(self) -> str:

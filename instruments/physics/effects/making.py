@@ -75,4 +75,4 @@ def _check(place: str, value: object, parameter: Parameter | None) -> None:
     if value != parameter.zero and not parameter.low <= value <= parameter.high:
         raise UsageError(f"{place}: expected {parameter.low:g} to {parameter.high:g} ({parameter.unit}), got {value:g}")
     if parameter.role == "choice" and value != round(value):
-        raise UsageError(f"{place}: expected a whole number, got {value:g}")
+        raise UsageError(f"{place}: expected an integer, got {value:g}")

@@ -64,8 +64,8 @@ def test_a_tuple_comes_back_from_its_list() -> None:
     ("parameters", "says"),
     [
         ({"rate": 3}, "has no parameter 'rate': did you mean rates"),
-        ({"rates": "three"}, "parameter rates: expected a whole number, got 'three'"),
-        ({"rates": {"a": 1}}, "parameter rates: expected a whole number"),
+        ({"rates": "three"}, "parameter rates: expected an integer, got 'three'"),
+        ({"rates": {"a": 1}}, "parameter rates: expected an integer"),
         ([1, 2], "expected a table"),
     ],
 )

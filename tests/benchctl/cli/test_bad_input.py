@@ -63,7 +63,7 @@ def test_an_unknown_parameter_gets_a_hint(refused: Refused) -> None:
 
 @pytest.mark.parametrize(
     ("text", "says"),
-    [("points", "expected NAME=VALUE"), ("=5", "expected NAME=VALUE"), ("points=five", "expected a whole number")],
+    [("points", "expected NAME=VALUE"), ("=5", "expected NAME=VALUE"), ("points=five", "expected an integer")],
 )
 def test_a_parameter_that_is_none_is_refused(refused: Refused, text: str, says: str) -> None:
     assert says in refused("run", "two_stage", "--bench", "simulated", "-p", text)

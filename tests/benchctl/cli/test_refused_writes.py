@@ -72,5 +72,5 @@ def test_a_recording_that_the_file_system_does_not_take_leaves_all_steps_to_be_g
     with open_recording(tmp_path / "c") as recording:
         assert len(recording.infos) == 40
     closed = recover(tmp_path / "c")
-    assert (closed.status, closed.whole) == ("complete", 40)
+    assert (closed.status, closed.complete) == ("complete", 40)
     assert verify(tmp_path / "c") == []

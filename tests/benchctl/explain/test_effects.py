@@ -25,7 +25,7 @@ def test_words_equation_and_parameters_are_the_registrys_own(identifier: str) ->
         assert (one["meaning"], one["low"], one["high"]) == (described.meaning, described.low, described.high)
     facts = {one["label"]: one["says"] for one in told["facts"]}
     assert facts["Brought out by"] == kind.excited_by
-    assert kind.coordinate in facts["Seen along"]
+    assert kind.coordinate in facts["Depends on"]
 
 
 @pytest.mark.parametrize("identifier", EVERY)

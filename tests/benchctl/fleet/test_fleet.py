@@ -40,7 +40,7 @@ def test_a_fleet_does_what_is_missing_or_changed_and_one_bad_recording_does_not_
     first = fitted(tmp_path, scheduler)
     assert states(first) == {"bad": "failed", "u0": "done", "u1": "done", "u2": "done"}
     (bad,) = first.ended("failed")
-    assert bad.says.startswith(f"{tmp_path / 'bad.h5'}: is not an HDF5 file (12 bytes)")
+    assert bad.reason.startswith(f"{tmp_path / 'bad.h5'}: is not an HDF5 file (12 bytes)")
     for number in range(3):  # to the last byte what the single verb writes
         fit([tmp_path / f"u{number}.h5"], out=tmp_path / "single")
         for name in ("coefficients.json", "report.html"):

@@ -49,7 +49,7 @@ def counted(history: History) -> list[str]:
 
 
 def problems(history: History) -> dict[str, str]:
-    return {problem.where: problem.says for problem in history.problems}
+    return {problem.where: problem.message for problem in history.problems}
 
 
 def test_a_forged_document_is_named_and_the_genuine_one_charted(folder: Path) -> None:

@@ -125,7 +125,7 @@ def test_what_cannot_be_read_is_a_problem_and_tried_again(folder: Path) -> None:
         "misdated.h5",
         "undated.h5",
     ]
-    says = [problem.says for problem in history.problems]
+    says = [problem.message for problem in history.problems]
     assert says[0] == ("expected schema 'benchctl-acceptance/1', found 'other'; write it with `benchctl accept`")
     assert says[1] == "value is '1', expected a number"
     assert says[2].startswith("is not an HDF5 file")
@@ -141,7 +141,7 @@ def test_a_campaign_that_is_not_finished_is_told_of(folder: Path) -> None:
     recorded(folder / "running" / "steps" / "0001_rest.h5")
     (problem,) = read(folder).problems
     assert problem.where == "running"
-    assert "benchctl recover" in problem.says
+    assert "benchctl recover" in problem.message
 
 
 def test_a_document_belongs_to_the_recording_whose_digest_it_names(folder: Path) -> None:

@@ -57,7 +57,7 @@ def test_a_whole_number_may_bring_a_unit_where_it_stays_whole() -> None:
         yield Static(duration_s=hold_s)
 
     assert whole.expand({"hold_s": "1.5 min"}).parameters == {"hold_s": 90}
-    with pytest.raises(UsageError, match=r"expected a whole number, got '1.51 min'"):
+    with pytest.raises(UsageError, match=r"expected an integer, got '1.51 min'"):
         whole.expand({"hold_s": "1.51 min"})
 
 
@@ -66,11 +66,11 @@ def test_a_whole_number_may_bring_a_unit_where_it_stays_whole() -> None:
     [
         ({"rate_dsp": "1"}, "did you mean rate_dps?"),
         ({"xyz": "1"}, "it has rate_dps, points, back, list_hz"),
-        ({"points": "2.5"}, "parameter points: expected a whole number, got '2.5'; its default is 2"),
+        ({"points": "2.5"}, "parameter points: expected an integer, got '2.5'; its default is 2"),
         ({"rate_dps": "nan"}, "expected a number in deg/s"),
         ({"rate_dps": "fast"}, "rad/s, deg/h or rpm), got 'fast'; its default is 10.0"),
         ({"rate_dps": "5 Hz"}, "parameter rate_dps: expected a number in deg/s"),
-        ({"points": "5 s"}, "expected a whole number, got '5 s'"),
+        ({"points": "5 s"}, "expected an integer, got '5 s'"),
         ({"list_hz": "1,2,3 kHz"}, "all bare or all have a unit, got '1,2,3 kHz'"),
         ({"back": "maybe"}, "expected yes or no"),
         ({"list_hz": "1;2"}, "numbers with commas between them"),

@@ -138,7 +138,7 @@ def test_killed_at_any_moment_every_finished_step_is_whole(tmp_path: Path, delay
         gathering = '"kind": "finish"' in recording.meta.provenance["journal"]
         assert recording.meta.status == ("complete" if gathering else "aborted")
     unfinished = "the campaign's other files cannot be checked" if gathering else "was not finished"
-    assert [problem.says for problem in verify(folder) if unfinished not in problem.says] == []
+    assert [problem.message for problem in verify(folder) if unfinished not in problem.message] == []
 
 
 def test_a_step_whose_writing_had_only_begun_is_left_out_and_said(tmp_path: Path) -> None:

@@ -217,7 +217,7 @@ STEPS: dict[str, tuple[Spoil, str]] = {
     ),
     "a step twice": (
         lambda file, _: file["steps"].__setitem__("0003", file["steps/0001"]),
-        "the group /steps/0003 says that its index is 1",
+        "the group /steps/0003 states that its index is 1",
     ),
     "a step that is a dataset": (
         lambda file, _: file["steps"].create_dataset("0003", data=[1.0]),

@@ -97,7 +97,7 @@ def test_a_step_under_a_name_that_is_not_its_own_is_named(tmp_path: Path) -> Non
     path = made.recording(tmp_path)
     with made.changed(path) as file:
         file.move("steps/0002", "steps/0009")
-    _fails(path, "the group /steps/0009 says that its index is 2")
+    _fails(path, "the group /steps/0009 states that its index is 2")
 
 
 def test_a_file_without_its_steps_is_named(tmp_path: Path) -> None:

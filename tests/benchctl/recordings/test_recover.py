@@ -116,7 +116,7 @@ def test_the_step_that_was_being_written_becomes_a_cut_one_with_its_gaps(tmp_pat
     with open_recording(folder) as recording:
         part = recording.step(2)
     closed = recover(folder)
-    assert (closed.status, closed.whole) == ("aborted", 1)
+    assert (closed.status, closed.complete) == ("aborted", 1)
     assert closed.reason.startswith("its program died")
     cut = closed.steps[1]
     assert (cut.whole, cut.samples, cut.gaps, cut.role) == (False, 100, 1, "verify")

@@ -21,7 +21,7 @@ def fleet(count: int = 24, *, verb: FleetVerb = "fit", failed: tuple[str, ...] =
     broken = replace(members[0], state="failed", serial="", model="", stated={}, reports={})
     for name in failed:
         members.append(
-            replace(broken, recording=f"/lab/{name}.h5", name=name, says=f"/lab/{name}.h5: is no <HDF5> file")
+            replace(broken, recording=f"/lab/{name}.h5", name=name, reason=f"/lab/{name}.h5: is no <HDF5> file")
         )
     return Fleet(verb=verb, members=tuple(members), left=left)
 
@@ -44,7 +44,7 @@ def member(number: int, rng: np.random.Generator) -> Member:
         serial=f"SN-{number:02d}",
         model="VG910Q",
         state="kept" if number == 1 else "done",
-        says="",
+        reason="",
         stated={
             "fit": Stated(
                 figures=(

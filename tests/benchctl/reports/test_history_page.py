@@ -73,7 +73,7 @@ def test_a_value_too_large_to_reckon_with_is_a_problem(tmp_path: Path) -> None:
     place = campaign(tmp_path)
     (place / "acceptance.json").write_text(accepted([one_test(value=1e101)], digest_in(place)))
     (problem,) = read(tmp_path).problems
-    assert "expected at most 1e+100" in problem.says
+    assert "expected at most 1e+100" in problem.message
 
 
 def test_the_page_is_the_same_for_the_same_history(tmp_path: Path) -> None:

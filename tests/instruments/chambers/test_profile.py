@@ -78,9 +78,9 @@ def test_a_switch_of_another_kind_replaces_the_whole_table_and_fields_only_thems
         ({"air": None}, "air: this field is needed and is not there"),
         ({"source": "  "}, "source: expected some words in one line, got '  '"),
         ({"colour": 3}, "colour: there is no such field"),
-        ({"air": {"address": "35", "kind": "signed"}}, "air.address: expected a whole number, got '35'"),
+        ({"air": {"address": "35", "kind": "signed"}}, "air.address: expected an integer, got '35'"),
         ({"air": {"address": 65536, "kind": "signed"}}, "air.address: expected a number of at most 65535"),
-        ({"air": {"address": True, "kind": "signed"}}, "air.address: expected a whole number, got True"),
+        ({"air": {"address": True, "kind": "signed"}}, "air.address: expected an integer, got True"),
         ({"air": {"address": 35, "kind": "bcd"}}, "air.kind: expected 'u16', 'signed' or 'f32', got 'bcd'"),
         ({"air": {"address": 65535, "kind": "f32"}}, "air: registers 65535 to 65536, and there are none above 65535"),
         ({"air": {"address": 35, "kind": "signed", "decimals": 4}}, "air.decimals: expected a number of at most"),
@@ -167,7 +167,7 @@ def test_a_switch_of_another_kind_replaces_the_whole_table_and_fields_only_thems
         ),
         (
             {"alarms": [{"name": "a", "address": 3, "words": {"-1": "x"}}]},
-            "alarms.0.words: expected whole numbers 0 to 65535 in front of the words, got '-1'",
+            "alarms.0.words: expected integers 0 to 65535 in front of the words, got '-1'",
         ),
         (
             {"alarms": [{"name": "a", "address": 3, "bits": {"1": "x"}, "words": {"2": "y"}}]},

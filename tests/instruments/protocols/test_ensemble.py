@@ -67,7 +67,7 @@ def test_a_word_of_bits_survives_its_signed_and_its_unsigned_spelling(word: int)
 
 @pytest.mark.parametrize("data", ["", "1.5", "0x10", "9999999999", "-2147483649", "+-1", "1 2", "\u0661"])
 def test_what_is_no_word_of_32_bits_is_an_instrument_error(data: str) -> None:
-    with pytest.raises(InstrumentError, match="expected a whole number of 32 bits"):
+    with pytest.raises(InstrumentError, match="expected an integer of 32 bits"):
         parse_bits(data)
 
 

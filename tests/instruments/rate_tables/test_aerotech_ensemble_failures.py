@@ -224,7 +224,7 @@ Act = Callable[[Ensemble], object]
         ({"AXISFAULT(@0)": "%4"}, lambda d: d.go_to_rate(10.0), r"fault 0x4 \(clockwise end of travel\)"),
         ({"AXISFAULT(@0)": "%4"}, lambda d: d.stop(), r"it was told to stop: fault 0x4"),
         ({"AXISFAULT(@0)": "%8"}, lambda d: d.enable(), "its faults were acknowledged and are back"),
-        ({"AXISFAULT(@0)": "%none"}, lambda d: d.state(), "expected a whole number of 32 bits, got 'none'"),
+        ({"AXISFAULT(@0)": "%none"}, lambda d: d.state(), "expected an integer of 32 bits, got 'none'"),
         ({"VFBK(@0)": "%nan"}, lambda d: d.read(), "expected a number, got 'nan'"),
         ({"VFBK(@0)": "%1_0"}, lambda d: d.read(), "expected a number, got '1_0'"),
         ({"VFBK(@0)": "%" + "9" * 4000}, lambda d: d.read(), "expected a number, got '9{64}';"),

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchctl.dashboard.data.events import MOST_EVENTS, events_after, told
+from benchctl.dashboard.data.events import MOST_EVENTS, events_after, sentence_of
 from benchctl.dashboard.data.follower import JournalTail
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.journal import mend_journal
@@ -58,7 +58,7 @@ def _journal(folder: Path, events: list[dict[str, Any]], end: str = "") -> Path:
     ],
 )  # fmt: skip
 def test_events_are_told_in_words(event: dict[str, Any], says: str, level: str) -> None:
-    assert told(event) == (says, level)
+    assert sentence_of(event) == (says, level)
 
 
 plain = st.none() | st.booleans() | st.integers() | st.floats() | st.text()
@@ -76,7 +76,7 @@ json_values = st.recursive(plain, lambda one: st.lists(one, max_size=3), max_lea
     ),
 )  # fmt: skip
 def test_whatever_an_event_holds_it_is_one_line_of_plain_text(kind: str, data: dict[str, Any]) -> None:
-    found = told({**data, "kind": kind})
+    found = sentence_of({**data, "kind": kind})
     assert (found is None) == (kind == "plan")
     if found is not None:
         assert found[0].isprintable()

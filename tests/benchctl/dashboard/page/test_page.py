@@ -82,7 +82,7 @@ def test_a_campaign_that_a_busy_server_refuses_is_asked_for_again(seen: Seen) ->
             route.continue_()
         else:
             refused.append(url)
-            route.fulfill(status=503, headers={"retry-after": "1"}, json={"error": "too much is asked for at once"})
+            route.fulfill(status=503, headers={"retry-after": "1"}, json={"error": "too many requests at once"})
 
     seen.page.route("**/api/campaigns/*", refuse_once)
     open_campaign(seen.page, TURNS)

@@ -27,7 +27,7 @@ def test_beyond_those_that_run_and_wait_everybody_is_refused_at_once_and_the_loo
         await asyncio.sleep(0.1)
         waiting = [asyncio.create_task(readers.run(lambda: True)) for _ in range(3)]
         await asyncio.sleep(0)
-        with pytest.raises(RefusalError, match="too much") as caught:
+        with pytest.raises(RefusalError, match="too many requests at once") as caught:
             await readers.run(lambda: True)
         assert caught.value.status == 503
         release.set()

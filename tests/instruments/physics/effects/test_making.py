@@ -93,7 +93,7 @@ def test_what_is_no_number_from_two_on_names_no_further_effect(name: str) -> Non
         ({"thermal_lag": {"tau_s": math.nan}}, r"\[effects\.thermal_lag\] tau_s: expected a number, got nan"),
         ({"thermal_lag": {"tau_s": "long"}}, r"\[effects\.thermal_lag\] tau_s: expected a number, got 'long'"),
         ({"thermal_lag": {"tau_s": True}}, r"\[effects\.thermal_lag\] tau_s: expected a number, got True"),
-        ({"sensor_bandwidth": {"cutoff_hz": 9.0, "order": 1.5}}, r"order: expected a whole number, got 1\.5"),
+        ({"sensor_bandwidth": {"cutoff_hz": 9.0, "order": 1.5}}, r"order: expected an integer, got 1\.5"),
         (
             {"bias_drift": {"v_per_hour": 0.1, "start_s": math.inf}},
             r"\[effects\.bias_drift\] start_s: expected a finite number, got inf",
