@@ -44,7 +44,7 @@ _INTERLOCKED = {"degC": ("degC", "K"), "degC or K": ("degC", "K")}
 """By the unit that a quantity's name states: the units of its limits and of its hysteresis, if these differ."""
 
 HAND_ERROR_PERCENT = 10.0
-"""Default of `limits.motion_error_percent` with a rate table that is turned by hand."""
+"""Default of `limits.motion_error_percent` with a manual rate table."""
 
 _PNG, _MOST_LOGO_BYTES = b"\x89PNG\r\n\x1a\n", 300_000
 

@@ -135,7 +135,7 @@ def find_profile(model: str, folder: Path) -> tuple[Path, str]:
     try:
         path = (folder / Path(model).expanduser()).absolute()
     except RuntimeError as err:
-        raise UsageError(f"chamber.model: {model!r}: there is no such home folder; give the whole path") from err
+        raise UsageError(f"chamber.model: {model!r}: there is no such home folder; give the complete path") from err
     if not _is_file(path):
         raise UsageError(f"chamber.model: there is no profile {str(path)!r}: {_beside(path)}")
     return path, profile_text(path)

@@ -1,7 +1,7 @@
 """Find out which drivers recognise an unknown device, without changing anything on it.
 
-Each driver declares how it recognises its instrument (`recognition`). The device is asked in this order, until a driver
-recognises it:
+Each driver declares how it recognises its instrument (`recognition`). The device is tested in this order, until a
+driver recognises it:
 
 1. Nothing is sent; frames that come unasked are recognised.
 2. Lines of ASCII, each over a new connection: `*IDN?`, then the queries of the drivers; those that end in CR LF first,
@@ -9,9 +9,9 @@ recognises it:
    which it ignores.
 3. Modbus, which is last because a line-based device would take its bytes for the beginning of a line. Only the function
    that reads registers is used, for identification constants first. A unit that answers neither of the first two
-   requests is not asked any further.
+   requests receives no further ones.
 
-If a serial address states no speed, each question is asked at the speed that its driver expects. Behind a TCP address
+If a serial address states no speed, each question is sent at the speed that its driver expects. Behind a TCP address
 Modbus RTU is tried too, as behind a serial-to-Ethernet box.
 """
 
@@ -45,7 +45,7 @@ ONCE = Reconnect(attempts=1)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inquiry:
-    """One question and its answer, in words and as bytes; `address` is where it was asked."""
+    """One question and its answer, in words and as bytes; `address` is to which it was sent."""
 
     address: str
     question: str
@@ -139,7 +139,7 @@ class Probe:
         return []
 
     def _groups(self, every: Sequence[Known], way: type[Way]) -> dict[str, Group[Way]]:
-        """Return the declarations of one way by the address at which they are asked, which states a speed."""
+        """Return the declarations of one way by the address to which they are sent, which states a speed."""
         groups: dict[str, Group[Way]] = {}
         for each in every:
             if isinstance(each.by, way) and self._address.scheme in getattr(each.by, "schemes", ANY_LINK):
@@ -177,7 +177,7 @@ class Probe:
             if named := [each for each, by in group if any(name in identity.upper() for name in by.names)]:
                 yield from (_match(each, "certain", identity, address) for each in named)
                 return
-            for each, by in sorted(group, key=lambda asked: (-len(asked[1].sent_end), asked[1].sent_end)):
+            for each, by in sorted(group, key=lambda one: (-len(one[1].sent_end), one[1].sent_end)):
                 text = self._line(address, by)
                 if text is not None:
                     yield _match(each, "likely", text, address)
@@ -236,7 +236,7 @@ class Probe:
 
     def _of_unit(self, link: _ReadOnlyLink, address: str, group: Group[ByRegisters]) -> Iterator[Match]:
         options = {} if self._unit_id == 1 else {"unit_id": self._unit_id}
-        for each, by in sorted(group, key=lambda asked: CERTAINTIES.index(asked[1].certainty)):
+        for each, by in sorted(group, key=lambda one: CERTAINTIES.index(one[1].certainty)):
             link.pause(max(by.pause_s, SETTLE_S))
             try:
                 text = by.read(link, self._clock)
@@ -251,7 +251,7 @@ class Probe:
 
 
 class _ReadOnlyLink(ModbusLink):
-    """A link that reads each register once, tells what it read, and refuses to write."""
+    """A link that reads each register once, reports each reading, and refuses to write."""
 
     def __init__(
         self,
@@ -277,7 +277,7 @@ class _ReadOnlyLink(ModbusLink):
         self._pause_s = pause_s
 
     def read(self, address: int, count: int = 1) -> list[int]:
-        """Return registers as `ModbusLink`; raises what it raised before if they were asked for before."""
+        """Return registers as `ModbusLink`; the error of an earlier request is raised again."""
         if not self.answers and self._silent >= SILENT_REQUESTS:
             raise LinkError(f"{self.who}: silent; check unit number and speed")
         if (address, count) not in self._read:

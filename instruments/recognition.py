@@ -2,11 +2,11 @@
 
 A driver's class has the attribute `recognition`, a tuple of declarations, in this or in another package:
 
-| declaration   | the device                     | is asked                                                        |
+| declaration   | the device                     | receives                                                        |
 |---------------|--------------------------------|-----------------------------------------------------------------|
 | `ByFrames`    | sends frames unasked           | nothing                                                         |
 | `ByLine`      | answers lines of ASCII         | `*IDN?`, as every such device, then the declared query          |
-| `ByRegisters` | answers Modbus                 | to read registers; a write raises an error                      |
+| `ByRegisters` | answers Modbus                 | reads of registers; a write raises an error                     |
 
 A query must change nothing: no motion, no setting, no queue of errors.
 """

@@ -139,7 +139,7 @@ class KeptLimitsChamber(LineChamber):
     @abstractmethod
     def _put(self, setpoint_c: float) -> None: ...
 
-    def _left(self, *, on: bool, why: str = "the chamber's panel says why") -> tuple[str, ...]:
+    def _left(self, *, on: bool, why: str = "the chamber's panel shows why") -> tuple[str, ...]:
         """Return the alarm of a chamber that stopped by itself, if it is off although this driver switched it on."""
         if on or not self._switched_on:
             return ()

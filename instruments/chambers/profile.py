@@ -257,7 +257,7 @@ class RegisterSwitch(ProfileTable):
     @model_validator(mode="after")
     def _two_states(self) -> RegisterSwitch:
         if self.on & self.mask == self.off & self.mask:
-            raise ValueError(f"on ({self.on}) and off ({self.off}) cannot be told apart")
+            raise ValueError(f"on ({self.on}) and off ({self.off}) are not distinguishable")
         return self
 
 
@@ -288,7 +288,7 @@ class KeySwitch(ProfileTable):
     @model_validator(mode="after")
     def _two_states(self) -> KeySwitch:
         if self.on & self.mask == self.off & self.mask:
-            raise ValueError(f"on ({self.on}) and off ({self.off}) cannot be told apart")
+            raise ValueError(f"on ({self.on}) and off ({self.off}) are not distinguishable")
         return self
 
 

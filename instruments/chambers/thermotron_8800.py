@@ -2,7 +2,7 @@
 
 Not tried on hardware. Commands and codes: the maker's "Interface Command Descriptions" and two public clients, see
 `benchctl_instruments.protocols.thermotron`; what all Thermotron drivers do is in `chambers.thermotron`. No public
-source says how to tell a program from manual mode: make sure that none runs.
+source describes how a program differs from manual mode: make sure that none runs.
 
 Alarms are those of the process; alarms of the deviation are left out, since every step of the set point raises them.
 Power is the throttle as the controller states it; no source gives its sign for cooling.

@@ -67,7 +67,7 @@ def _theirs() -> dict[str, type[DescribedEffect]]:
 def _loaded(offer: Offer) -> type[DescribedEffect]:
     kind = offer.load()
     for fault in faults_in(kind, offer.point.name):
-        raise offer.refused(f"{fault}; benchctl_instruments.physics.effect_contract says what an effect must keep")
+        raise offer.refused(f"{fault}; benchctl_instruments.physics.effect_contract describes what an effect must keep")
     loaded: type[DescribedEffect] = kind
     return loaded
 

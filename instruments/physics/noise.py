@@ -40,7 +40,7 @@ class RandomWalk:
         np.subtract(times_s[1:], times_s[:-1], out=waits_s[1:])
         if waits_s.min() < 0.0:
             raise UsageError(
-                f"a random walk was asked for at {times_s[waits_s.argmin()]:.6f} s after {self.last_s:.6f} s;"
+                f"a random walk was requested at {times_s[waits_s.argmin()]:.6f} s after {self.last_s:.6f} s;"
                 " ask in the order of time"
             )
         steps = np.sqrt(waits_s, out=waits_s)

@@ -48,7 +48,7 @@ REFUSALS: Mapping[str, str] = {
     "CONT NOT READY-3": "this controller does not have the command",
     "CONT NOT READY-4": "the keys cannot be locked while it is off",
     "CONT NOT READY-5": "that time signal is not enabled",
-    "DATA NOT READY": "what was asked for is not there, or not there yet",
+    "DATA NOT READY": "the requested data do not exist, or not yet",
     "PARA ERR": "a parameter is missing or cannot be read",
     "DATA OUT OF RANGE": "the value lies outside its range; a set point must lie between the low and the high alarm",
     "PROTECT ON": "settings are protected at its panel; lift the protection there",

@@ -8,7 +8,7 @@ Fields are separated by byte 0xB6, "¶" in Latin-1. A command is a number of fiv
 "1") and at most four arguments, mostly the index of a variable or channel, from 1::
 
     11001¶1¶1¶25.0 CR        the set point of control variable 1, the temperature
-    1 CR LF                  1: accepted, and the data that were asked for: 1¶23.9 CR LF
+    1 CR LF                  1: accepted, and the requested data: 1¶23.9 CR LF
     -6 CR LF                 refused, see `REFUSALS`
 
 | number       | what                       | arguments; data                                                     |

@@ -115,7 +115,7 @@ class EnsembleDialogue(AxisDialogue):
             return parse(reply.data)
         except InstrumentError as err:
             raise InstrumentError(
-                f"{self.who}: asked {text!r}, {err}; check that the address is an Ensemble's, and the axis"
+                f"{self.who}: sent {text!r}, {err}; check that the address is an Ensemble's, and the axis"
             ) from err
 
     def _reason(self, outcome: Outcome) -> str:
@@ -233,7 +233,7 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
             if abs(rate_dps) < LEAST:
                 self._stop("a rate of 0 deg/s")
                 return
-            self._fail_on_fault(f"a rate of {rate_dps:g} deg/s is asked for")
+            self._fail_on_fault(f"a rate of {rate_dps:g} deg/s is commanded")
             if self._goes_to_angle():
                 self._come_to_rest()
             self._line.tell(TURN, self._sign * rate_dps)
@@ -244,10 +244,10 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
         check_finite(self._name, "angle", angle_deg)
         with self._lock:
             rate_dps = self._limits.known().rate_dps
-            self._fail_on_fault(f"an angle of {angle_deg:g} deg is asked for")
+            self._fail_on_fault(f"an angle of {angle_deg:g} deg is commanded")
             if not self._status() & AxisStatus.HOMED:
                 raise InstrumentError(
-                    f"{self._name}: an angle of {angle_deg:g} deg is asked for, and the axis is not homed: its angles"
+                    f"{self._name}: an angle of {angle_deg:g} deg is commanded, and the axis is not homed: its angles"
                     " count from where it was switched on; home it at the controller (HOME)"
                 )
             self._come_to_rest()
@@ -266,7 +266,7 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
                 self._line.tell(ABORT)  # before any query
             except InstrumentError as err:
                 refusal = err
-            self._fail_on_fault("it was told to stop")
+            self._fail_on_fault("a stop was commanded")
             if refusal is not None and self._status() & AxisStatus.ENABLED:
                 raise refusal
 
@@ -289,7 +289,7 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
         self._line.tell(DISABLE)
         if not wait_until(self._clock, lambda: not self._status() & AxisStatus.ENABLED, CONFIRM_S):
             raise InstrumentError(
-                f"{self._name}: it was told to disable its axis, and the axis is still enabled; look at the controller"
+                f"{self._name}: disabling was commanded, and the axis is still enabled; look at the controller"
             )
 
     def _begin_to_stop(self) -> None:
@@ -322,10 +322,10 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
     def _confirm(self, what: str, wanted: AxisStatus) -> None:
         """Wait for bits of the status, and check that nothing has tripped."""
         shown = wait_until(self._clock, lambda: self._status() & wanted == wanted, CONFIRM_S)
-        self._fail_on_fault(f"{what} was asked for")
+        self._fail_on_fault(f"{what} was commanded")
         if not shown:
             raise InstrumentError(
-                f"{self._name}: {what} was asked for and acknowledged, its status should show {wanted!r} and is"
+                f"{self._name}: {what} was commanded and acknowledged, its status should show {wanted!r} and is"
                 f" 0x{self._status():08X}; check that nothing else commands the axis"
             )
 

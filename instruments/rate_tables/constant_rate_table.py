@@ -105,7 +105,7 @@ class KeptLimits:
         check_finite(self._name, "rate", rate_dps)
         if rate_dps and abs(rate_dps) > self.known().rate_dps:
             raise UsageError(
-                f"{self._name}: asked for {rate_dps:g} deg/s, the limit that was set is {self.known().rate_dps:g} deg/s"
+                f"{self._name}: commanded {rate_dps:g} deg/s, the limit that was set is {self.known().rate_dps:g} deg/s"
             )
 
     def longest_stop_s(self) -> float:
@@ -124,7 +124,7 @@ def check_finite(name: str, what: str, value: float) -> None:
 def refuse_to_oscillate(name: str, controller: str) -> NoReturn:
     """Raise the `UsageError` of a controller for which no sinusoid is publicly documented."""
     raise UsageError(
-        f"{name}: an oscillation was asked for, and no public source describes one for the {controller}: procedures"
+        f"{name}: an oscillation was commanded, and no public source describes one for the {controller}: procedures"
         " with sines or swings (sine_sweep, two_stage, diagnostic) cannot run on it; take one of constant rates"
         " (rate_sweep, temperature_sweep) or one at rest (static)"
     )
@@ -293,7 +293,7 @@ class ConstantRateTable(Instrument, ABC, Generic[Dialogue]):
         self._begin_to_stop()
         if not wait_until(self._clock, lambda: not self._moves(), self._limits.longest_stop_s()):
             raise InstrumentError(
-                f"{self._name}: it was told to stop before its next motion, and still moves, at"
+                f"{self._name}: a stop before its next motion was commanded, and it still moves, at"
                 f" {self._rate_dps():.3f} deg/s; look at the controller"
             )
 

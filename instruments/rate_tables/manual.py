@@ -1,7 +1,7 @@
-"""A rate table without a wire: an operator sets each rate by hand, and the digitizer's encoder measures it.
+"""A rate table without a wire: an operator sets each rate, and the digitizer's encoder measures it.
 
 A commanded rate is a request to the operator, so only nominal; all readings come from the encoder. A limit, an error or
-the guard of a run can also only request a stop: nobody but the operator can stop this table. It has no angles and no
+the guard of a run can also only request a stop: only the operator can stop this table. It has no angles and no
 sinusoids. Not tried on hardware.
 """
 
@@ -28,7 +28,7 @@ from benchctl_instruments.interfaces import (
 from benchctl_instruments.rate_tables.constant_rate_table import LEAST, KeptLimits
 
 NAME = "rate_table"
-ONLY_THE_OPERATOR = f"{NAME}: it is turned by hand: nobody but the operator can stop it"
+ONLY_THE_OPERATOR = f"{NAME}: it is operated manually: only the operator can stop it"
 WARNING = f"{ONLY_THE_OPERATOR}; after an error or Ctrl-C a run and its guard only request a stop: stay within reach"
 
 Operator = Callable[[float], None]
@@ -135,7 +135,7 @@ class WatchedDigitizer(Instrument):
 
 
 def _nobody(rate_dps: float) -> None:
-    raise InstrumentError(f"{NAME}: asked for {rate_dps:g} deg/s without an operator; set `operator` first")
+    raise InstrumentError(f"{NAME}: commanded {rate_dps:g} deg/s without an operator; set `operator` first")
 
 
 class ManualTable(Instrument):
@@ -164,7 +164,7 @@ class ManualTable(Instrument):
 
     def identify(self) -> Identity:
         """Return the model."""
-        return Identity(model="manual: turned by hand, measured by the encoder")
+        return Identity(model="manual: set by an operator, measured by the encoder")
 
     def set_limits(self, limits: TableLimits) -> None:
         """Store the limit on the rate; nothing limits the acceleration."""
@@ -186,14 +186,12 @@ class ManualTable(Instrument):
 
     def go_to_angle(self, angle_deg: float) -> None:
         """Always raise `UsageError`."""
-        raise UsageError(
-            f"{NAME}: asked for an angle of {angle_deg:g} deg; a table that is turned by hand has only rates"
-        )
+        raise UsageError(f"{NAME}: commanded an angle of {angle_deg:g} deg; a manual table has only rates")
 
     def oscillate(self, amplitude_dps: float, frequency_hz: float) -> None:
         """Always raise `UsageError`."""
         raise UsageError(
-            f"{NAME}: asked for an oscillation; a table that is turned by hand has only constant rates: take"
+            f"{NAME}: commanded an oscillation; a manual table has only constant rates: take"
             " rate_sweep, temperature_sweep or static"
         )
 

@@ -144,9 +144,9 @@ class Esp301Dialogue(AxisDialogue):
                 if held_an_error(answer):
                     yield Error(code=None)
                 error = self._ask_once(ASK_ERROR, parse_error)
-                note_recovered(f"{self.who}: asked {ASK_ERROR!r}, {err}")
+                note_recovered(f"{self.who}: sent {ASK_ERROR!r}, {err}")
             if self._counting.failures > failures:
-                note_recovered(f"{self.who}: asked {ASK_ERROR!r} twice", "an error may have been lost on the line")
+                note_recovered(f"{self.who}: sent {ASK_ERROR!r} twice", "an error may have been lost on the line")
             if error is None:
                 return
             yield error
@@ -156,7 +156,7 @@ class Esp301Dialogue(AxisDialogue):
         try:
             return parse(answer)
         except InstrumentError as err:
-            raise InstrumentError(f"{self.who}: asked {text!r}, {err}; check that the address is an ESP301's") from err
+            raise InstrumentError(f"{self.who}: sent {text!r}, {err}; check that the address is an ESP301's") from err
 
 
 class _CountingLine(LineDialogue):
@@ -198,7 +198,7 @@ NEAR_DEG = 0.1  # a table at rest this near to an angle has reached it
 def _recognised(version: str) -> str:
     """Describe the controller from the answer to `VE?`; raises `InstrumentError` if it is no ESP30x."""
     if "ESP" not in version.upper():
-        raise InstrumentError(f"asked {ASK_VERSION!r}, expected ESP301 and a version, got {version[:MOST_SHOWN]!r}")
+        raise InstrumentError(f"sent {ASK_VERSION!r}, expected ESP301 and a version, got {version[:MOST_SHOWN]!r}")
     return version
 
 
@@ -282,7 +282,7 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
             elif self._turns == direction and not self._at_rest():
                 self._line.write(VELOCITY, abs(rate_dps))
             else:
-                self._look_for_faults(f"a rate of {rate_dps:g} deg/s is asked for")
+                self._look_for_faults(f"a rate of {rate_dps:g} deg/s is commanded")
                 self._come_to_rest()
                 self._line.write(VELOCITY, abs(rate_dps))
                 self._line.tell(TURN[direction])
@@ -294,7 +294,7 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
         check_finite(self._name, "angle", angle_deg)
         with self._lock:
             rate_dps = self._limits.known().rate_dps
-            self._look_for_faults(f"an angle of {angle_deg:g} deg is asked for")
+            self._look_for_faults(f"an angle of {angle_deg:g} deg is commanded")
             self._come_to_rest()
             self._line.write(VELOCITY, rate_dps)
             here_deg = self._angle_deg()
@@ -303,8 +303,8 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
             self._confirm(f"an angle of {angle_deg:g} deg")
             if self._at_rest() and abs(self._angle_deg() - target_deg) > NEAR_DEG:
                 raise InstrumentError(
-                    f"{self._name}: an angle of {angle_deg:g} deg was asked for and not refused, and the table stands"
-                    f" still at {self._angle_deg() % 360.0:g} deg; look at the controller"
+                    f"{self._name}: an angle of {angle_deg:g} deg was commanded and not refused, but the table rests"
+                    f" at {self._angle_deg() % 360.0:g} deg; look at the controller"
                 )
 
     def stop(self) -> None:
@@ -314,10 +314,10 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
             for _ in range(2):  # ST is not answered, and one lost line must not leave the table turning
                 self._line.say(STOP)
                 errors = self._tell_of_errors()
-            self._fail_on_fault("it was told to stop")
+            self._fail_on_fault("a stop was commanded")
             if errors and self._is_on():
                 raise InstrumentError(
-                    f"{self._name}: it was told to stop and reports {listed(errors)}; look at the controller"
+                    f"{self._name}: a stop was commanded and it reports {listed(errors)}; look at the controller"
                 )
 
     def state(self) -> TableState:
@@ -348,7 +348,7 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
         except NoAnswerError as err:
             if errors := self._line.take_errors():
                 raise InstrumentError(
-                    f"{self._name}: asked for axis {self._axis}, it reports {listed(errors)}; check the axis"
+                    f"{self._name}: checked axis {self._axis}, it reports {listed(errors)}; check the axis"
                 ) from err
             raise
         if units != DEGREES:
@@ -361,9 +361,7 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
         self._turns = 0
         self._line.tell(OFF)
         if self._is_on():
-            raise InstrumentError(
-                f"{self._name}: its motor was told to be off, and is still on; look at the controller"
-            )
+            raise InstrumentError(f"{self._name}: its motor was commanded off, and is still on; look at the controller")
 
     def _begin_to_stop(self) -> None:
         self._stop()
@@ -384,9 +382,9 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
 
     def _confirm(self, what: str) -> None:
         """Check that the motor is on and nothing has tripped."""
-        self._look_for_faults(f"{what} was asked for")
+        self._look_for_faults(f"{what} was commanded")
         if not self._is_on():
-            raise InstrumentError(f"{self._name}: {what} was asked for, and its motor is off; enable the table first")
+            raise InstrumentError(f"{self._name}: {what} was commanded, and its motor is off; enable the table first")
 
     def _fail_on_fault(self, what: str) -> None:
         if self._faults:

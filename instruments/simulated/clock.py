@@ -117,7 +117,7 @@ class Timebase:
         self.lock = threading.RLock()
         self.held_since_s: float | None = None
         self.reach_s = 0.0
-        self._beside: list[Timebase] = []
+        self._others: list[Timebase] = []
 
     def now(self) -> float:
         """Return the bench time [s]."""
@@ -127,15 +127,15 @@ class Timebase:
         """Return the first instant of the grid that is not in the past [s]."""
         return math.ceil(self.now() * self.grid_hz) / self.grid_hz
 
-    def beside(self) -> Timebase:
+    def second(self) -> Timebase:
         """Return a time base with the same clock for a second reader, which holds its own history."""
         other = Timebase(self.clock, self.grid_hz)
         other.lock = self.lock
-        self._beside.append(other)
+        self._others.append(other)
         return other
 
     def forgettable_s(self) -> float:
         """Return the instant [s] before which no history is needed."""
         now = self.now()
         held = now if self.held_since_s is None else min(self.held_since_s, now)
-        return min([held - MARGIN_S - self.reach_s, *(other.forgettable_s() for other in self._beside)])
+        return min([held - MARGIN_S - self.reach_s, *(other.forgettable_s() for other in self._others)])

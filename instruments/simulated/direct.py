@@ -118,7 +118,7 @@ class DirectRateTable(_Direct):
         self._refuse_disabled()
         if not value <= limit:  # also refuses NaN
             raise InstrumentError(
-                f"the rate table was asked for {what} of {value:g} {unit}, its limit is {limit:g} {unit}"
+                f"the rate table was commanded to {what} of {value:g} {unit}, its limit is {limit:g} {unit}"
             )
 
 
@@ -149,7 +149,7 @@ class DirectChamber(_Direct):
         """Set a new set point."""
         if not self._low_c <= setpoint_c <= self._high_c:
             raise InstrumentError(
-                f"the chamber was asked for {setpoint_c} °C, its limits are {self._low_c} to {self._high_c} °C"
+                f"the chamber was commanded to {setpoint_c} °C, its limits are {self._low_c} to {self._high_c} °C"
             )
         self._chamber.set_setpoint(setpoint_c)
 
@@ -185,7 +185,7 @@ class DirectDigitizer(_Direct):
     def read_once(self) -> SingleScan:
         """Return one reading of each input."""
         if self._stream is not None:
-            raise UsageError("a single reading was asked for while the stream runs; stop it first")
+            raise UsageError("a single reading was requested while the stream runs; stop it first")
         counts, gyro_v, thermistor_v = self._inputs.sample(self._inputs.now(), SINGLE_READING_S, 1)
         return SingleScan(
             encoder_count=int(counts[0]),
@@ -208,14 +208,14 @@ class DirectDigitizer(_Direct):
     def read_stream(self, scans: int, timeout_s: float) -> ScanBlock:
         """Return all scans that are due, at least `scans`, and at least one."""
         if self._stream is None:
-            raise UsageError("scans were asked for while no stream runs; start one first")
+            raise UsageError("scans were requested while no stream runs; start one first")
         scans = max(scans, 1)
         first_s, interval_s = self._opened_s + self._stream.start_s, 1.0 / self._stream.rate_hz
         enough_s = first_s + (self._scanned + scans - 1) * interval_s
         came = self._inputs.wait_until(enough_s, timeout_s)
         due = math.floor((self._inputs.now() - first_s + 1e-9) * self._stream.rate_hz) + 1 - self._scanned
         if not came:
-            raise LinkError(f"{scans} scans were asked for, {due} came within {timeout_s} s")
+            raise LinkError(f"{scans} scans were requested, {due} came within {timeout_s} s")
         counts, gyro_v, thermistor_v = self._inputs.sample(first_s, interval_s, due, start=self._scanned)
         block = ScanBlock(
             first_index=self._scanned,

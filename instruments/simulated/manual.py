@@ -1,4 +1,4 @@
-"""A simulated table that is turned by hand: its knob is a TCP server, for an operator beside `benchctl sim`.
+"""A simulated manual table: its knob is a TCP server, for an operator at `benchctl sim`.
 
 The driver has no wire; the operator's program, such as `nc HOST PORT`, sends lines instead: a rate [deg/s], positive
 counter-clockwise from above, or 0. The answer to each is the rate that the table goes to.

@@ -48,12 +48,12 @@ NUMBERS = {  # deg, s, A, V
     **{"SU": 0.0005, "FR": 0.01, "QI": 2.0, "QV": 48.0, "QT": 7.0, "QG": 1.0, "BA": 0.0, "CO": 0.0, "GR": 1.0},
     **{"KP": 10.0, "KI": 1.0, "KD": 5.0, "KS": 50.0, "AF": 0.0, "VF": 0.0, "DO": 0.0},
 }
-WHOLE = {  # as delivered, least, most
+INTEGERS = {  # as delivered, least, most
     **{"SN": (DEGREES, 0, 11), "QM": (1, 0, 4), "FP": (4, 0, 7), "TJ": (1, 1, 6), "QS": (100, 1, 1000), "OM": (0, 0, 6)}
 }
 BITS = {"ZA": 0x123, "ZB": 0x300, "ZE": 0x3, "ZF": 0x3, "ZH": 0x24, "ZS": 0x24}
 COMMANDS = ("MO", "MF", "ST", "AB", "MV", "MT", "PA", "PR", "OR", "WS", "WP", "DP", "DV", "ID")
-OF_AXIS = {*COMMANDS, *READINGS, *WITHOUT_EFFECT, *RATES, *RAMPS, *NUMBERS, *WHOLE, *BITS}
+OF_AXIS = {*COMMANDS, *READINGS, *WITHOUT_EFFECT, *RATES, *RAMPS, *NUMBERS, *INTEGERS, *BITS}
 
 
 class _RejectedError(Exception):
@@ -91,7 +91,7 @@ class Esp301Controller:
 
     def _set_as_delivered(self) -> None:
         self._settings = dict.fromkeys(RATES, self._most_dps) | dict.fromkeys(RAMPS, self._most_dps2) | NUMBERS
-        self._whole = {name: value for name, (value, _, _) in WHOLE.items()} | BITS
+        self._integers = {name: value for name, (value, _, _) in INTEGERS.items()} | BITS
         self._origin_deg = self._table.motion().angle_deg
 
     def open_interlock(self) -> None:
@@ -179,7 +179,7 @@ class Esp301Controller:
             case "PA" | "PR":
                 self._move(_number(value), relative=name == "PR")
             case "OR":
-                self._home(_number(value) if value else self._whole["OM"])
+                self._home(_number(value) if value else self._integers["OM"])
             case "WS":
                 self._wait_for_rest(_number(value) if value else 0.0)
             case "WP":
@@ -187,7 +187,7 @@ class Esp301Controller:
             case "DH":
                 self._settings["DH"] = _number(value) if value else 0.0
                 self._origin_deg += self._angle_deg() - self._settings["DH"]
-            case _ if name in self._settings or name in self._whole:
+            case _ if name in self._settings or name in self._integers:
                 self._set(name, value)
         return None
 
@@ -226,9 +226,9 @@ class Esp301Controller:
             case "ID":
                 return STAGE
             case _ if name in BITS:
-                return f"{self._whole[name]:X}H"
-            case _ if name in self._whole:
-                return str(self._whole[name])
+                return f"{self._integers[name]:X}H"
+            case _ if name in self._integers:
+                return str(self._integers[name])
             case _ if name in self._settings:
                 return f"{self._settings[name]:.6f}"
             case _:
@@ -236,14 +236,14 @@ class Esp301Controller:
 
     def _set(self, name: str, value: str) -> None:
         if name in BITS:
-            self._whole[name] = _bits(value)
+            self._integers[name] = _bits(value)
             return
         number = _number(value)
-        if name in WHOLE:
-            _, least, most = WHOLE[name]
+        if name in INTEGERS:
+            _, least, most = INTEGERS[name]
             if number != int(number) or not least <= number <= most:
                 raise _RejectedError(OUT_OF_RANGE)
-            self._whole[name] = int(number)
+            self._integers[name] = int(number)
             return
         if name in RATES or name in RAMPS:
             highest, code = MOST.get(name, ("", BEYOND))

@@ -103,12 +103,12 @@ class PushLine(Startable):
             elif not self._device.wait(PATIENCE_S):
                 self._hear(self._end.receive(PATIENCE_S))
 
-    def _hear(self, said: bytes) -> None:
+    def _hear(self, received: bytes) -> None:
         """Answer the client; bytes that were due before its command are sent before the answer."""
         give_up_s = time.monotonic() + FULL_LINE_S  # a limit, since more bytes may become due all the time
-        while said and time.monotonic() < give_up_s and self._send_due():
+        while received and time.monotonic() < give_up_s and self._send_due():
             pass
-        self._send(self._device.feed(said))
+        self._send(self._device.feed(received))
 
     def _send_due(self) -> bool:
         """Send due bytes, at most a batch; return whether there were any."""

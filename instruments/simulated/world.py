@@ -426,5 +426,5 @@ class World:
         """
         settings = replace(self.settings, seed=self.settings.seed + OTHER_NOISE)
         inside = [one for one in self._effects if one.stage in GRID_STAGES or isinstance(one, ClockEffect)]
-        time = self._timebase.beside()
+        time = self._timebase.second()
         return Terminals(time, settings, sensor_of(settings), self._axis, self._climate, self._installation, inside)

@@ -46,7 +46,7 @@ def says_a_sentence_with_numbers(kind: Kind) -> None:
     made = kind.make(_plain(kind), CIRCUMSTANCES)
     _require(made.values == _plain(kind), f"its values are {made.values}, it was made of {_plain(kind)}")
     text = made.says()
-    _require(re.fullmatch(r"[A-Z][^\n]*\d[^\n]*\.", text) is not None and "nan" not in text, f"it says {text!r}")
+    _require(re.fullmatch(r"[A-Z][^\n]*\d[^\n]*\.", text) is not None and "nan" not in text, f"it is {text!r}")
 
 
 def is_gone_at_its_zero(kind: Kind) -> None:
@@ -168,7 +168,7 @@ def is_finite_at_its_bounds(kind: Kind) -> None:
         made = kind.make(dict(zip(kind.parameters, values, strict=True)), CIRCUMSTANCES)
         for name, array in _outcome(made, signals).items():
             _require(bool(np.isfinite(array).all()), f"{name} is not finite at {made}")
-        _require(bool(made.says()), f"it says nothing at {made}")
+        _require(bool(made.says()), f"its sentence is empty at {made}")
 
 
 def _corners(kind: Kind) -> Iterator[tuple[float, ...]]:

@@ -20,7 +20,7 @@ from benchctl_instruments.simulated.world import World
 from tests.benchctl.campaign.by_hand import done
 from tests.benchctl.cli.processes import started, without_a_process
 
-NOBODY = "rate_table: it is turned by hand: nobody but the operator can stop it"
+NOBODY = "rate_table: it is operated manually: only the operator can stop it"
 SETTINGS = ("at_c=23", "soak_s=60", "top_rate_dps=40", "rates=1", "run_s=4", "zero_s=3", "verify=false")
 SWEEP = ("rate_sweep", *(f"-p{setting}" for setting in SETTINGS))
 
@@ -37,7 +37,7 @@ def test_check_states_that_nobody_else_can_stop_the_table_and_lists_the_question
     assert checked.returncode == 0
     assert f"warning: {NOBODY}; after an error or Ctrl-C a run and its guard only request a stop" in checked.stdout
     assert '"stop the table" = "done"' in checked.stdout
-    assert "rate_table: manual: turned by hand, measured by the encoder" in " ".join(checked.stdout.split())
+    assert "rate_table: manual: set by an operator, measured by the encoder" in " ".join(checked.stdout.split())
 
 
 def test_check_refuses_swings_in_one_line(bench: Path) -> None:
@@ -48,7 +48,7 @@ def test_check_refuses_swings_in_one_line(bench: Path) -> None:
 
 def test_doctor_tries_no_wire_of_a_manual_table(bench: Path, tmp_path: Path) -> None:
     simulated = without_a_process("doctor", "--bench", bench, "--out", tmp_path)
-    assert "simulated; has no wire: manual: turned by hand" in simulated.stdout
+    assert "simulated; has no wire: manual: set by an operator" in simulated.stdout
     real = template().replace("simulated = true", "simulated = false").replace('"acutrol3000"', '"manual"', 1)
     for model in ("watlow_f4t", "labjack_t7"):
         real = real.replace(f'model = "{model}"', f'model = "{model}"\naddress = "tcp://127.0.0.1:1"', 1)

@@ -139,11 +139,11 @@ def test_a_switch_of_another_kind_replaces_the_whole_table_and_fields_only_thems
         ),
         (
             {"switch": {"by": "register", "address": 3, "on": 2, "off": 6, "mask": 3}},
-            "switch.register: on (2) and off (6) cannot be told apart",
+            "switch.register: on (2) and off (6) are not distinguishable",
         ),
         (
             {"switch": {"by": "key", "address": 3, "press": 1, "shown": 4, "on": 1, "off": 1}},
-            "switch.key: on (1) and off (1) cannot be told apart",
+            "switch.key: on (1) and off (1) are not distinguishable",
         ),
         (
             {"switch": {"by": "bit", "address": 3, "bit": 16}},

@@ -88,7 +88,7 @@ def test_a_chamber_that_stops_by_itself_is_an_alarm_until_it_is_stopped(
         assert chamber.read().alarms == ()
         twin_3800.controller.stop_by_itself()
         (alarm,) = chamber.read().alarms
-        assert alarm == "conditioning is off although it was switched on: the chamber's panel says why"
+        assert alarm == "conditioning is off although it was switched on: the chamber's panel shows why"
         chamber.stop()
         assert chamber.read().alarms == ()
 

@@ -172,7 +172,7 @@ def test_a_chamber_that_stops_by_itself_is_an_alarm(ascii2: SimulatedWeissAscii2
         assert chamber.read().alarms == ()
         ascii2.controller.stop_by_itself()
         assert chamber.read().alarms == (
-            "conditioning is off although it was switched on: the chamber's panel says why",
+            "conditioning is off although it was switched on: the chamber's panel shows why",
         )
         chamber.stop()
         assert chamber.read().alarms == ()

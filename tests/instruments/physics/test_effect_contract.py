@@ -114,7 +114,7 @@ def test_a_sound_effect_passes() -> None:
         (Grained, "does not depend on how finely the signals are sampled"),
         (Remembering, "Where it is pointwise or timeless"),
         (Hurrying, "Where it is pointwise or timeless"),
-        (Silent, "Its finding is a sentence with its numbers. But: AssertionError: it says 'something is wrong'"),
+        (Silent, "Its finding is a sentence with its numbers. But: AssertionError: it is 'something is wrong'"),
         (Raising, "ZeroDivisionError: no luck"),
         (Alone, "it looks like 'gremlins', and there is no such effect"),
         (Unbounded, "its parameter v_per_dps2 lies between 1.0 and -1.0, expected two finite bounds in order"),

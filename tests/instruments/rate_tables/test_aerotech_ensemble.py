@@ -183,7 +183,7 @@ def test_a_rate_that_trips_the_drive_is_an_error_although_it_was_acknowledged(
     driver.set_limits(TableLimits(rate_dps=5000.0, acceleration_dps2=500.0))
     driver.enable()
     with pytest.raises(
-        InstrumentError, match=r"a rate of 2000 deg/s was asked for: fault 0x400 \(commanded velocity above"
+        InstrumentError, match=r"a rate of 2000 deg/s was commanded: fault 0x400 \(commanded velocity above"
     ):
         driver.go_to_rate(2000.0)
     assert table.rate_dps == 0.0

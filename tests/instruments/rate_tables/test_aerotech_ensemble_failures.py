@@ -183,7 +183,7 @@ def test_a_percent_sign_before_a_refusal_is_not_taken_for_an_acknowledgement() -
     answers = {"FREERUN @0 -10.000000": "%\n!", "AXISSTATUS(@0)": "%1"}
     with scripted(**answers) as server, connected(server) as driver:
         driver.set_limits(LIMITS)
-        with pytest.raises(InstrumentError, match="a rate of 10 deg/s was asked for and acknowledged, its status"):
+        with pytest.raises(InstrumentError, match="a rate of 10 deg/s was commanded and acknowledged, its status"):
             driver.go_to_rate(10.0)
 
 
@@ -213,16 +213,16 @@ Act = Callable[[Ensemble], object]
 @pytest.mark.parametrize(
     ("answers", "act", "complaint"),
     [
-        ({"AXISSTATUS(@0)": "%1"}, lambda d: d.go_to_rate(10.0), "a rate of 10 deg/s was asked for and acknowledged"),
-        ({"AXISSTATUS(@0)": "%0"}, lambda d: d.enable(), "enabling was asked for and acknowledged"),
-        ({"AXISSTATUS(@0)": "%2"}, lambda d: d.go_to_angle(0.0), "an angle of 0 deg was asked for and acknowledged"),
+        ({"AXISSTATUS(@0)": "%1"}, lambda d: d.go_to_rate(10.0), "a rate of 10 deg/s was commanded and acknowledged"),
+        ({"AXISSTATUS(@0)": "%0"}, lambda d: d.enable(), "enabling was commanded and acknowledged"),
+        ({"AXISSTATUS(@0)": "%2"}, lambda d: d.go_to_angle(0.0), "an angle of 0 deg was commanded and acknowledged"),
         ({"FREERUN @0 -10.000000": "$"}, lambda d: d.go_to_rate(10.0), "did not finish in time"),
         ({"FREERUN @0 -10.000000": "!"}, lambda d: d.go_to_rate(10.0), "does not understand that"),
         ({"FREERUN @0 -10.000000": "#limit"}, lambda d: d.go_to_rate(10.0), "got '#limit'; no fault is reported"),
         ({"FREERUN @0 -10.000000": "OK"}, lambda d: d.go_to_rate(10.0), "expected a line that begins with"),
         ({"ABORT @0": "#"}, lambda d: d.stop(), r"sent 'ABORT @0', expected %, got '#'"),
         ({"AXISFAULT(@0)": "%4"}, lambda d: d.go_to_rate(10.0), r"fault 0x4 \(clockwise end of travel\)"),
-        ({"AXISFAULT(@0)": "%4"}, lambda d: d.stop(), r"it was told to stop: fault 0x4"),
+        ({"AXISFAULT(@0)": "%4"}, lambda d: d.stop(), r"a stop was commanded: fault 0x4"),
         ({"AXISFAULT(@0)": "%8"}, lambda d: d.enable(), "its faults were acknowledged and are back"),
         ({"AXISFAULT(@0)": "%none"}, lambda d: d.state(), "expected an integer of 32 bits, got 'none'"),
         ({"VFBK(@0)": "%nan"}, lambda d: d.read(), "expected a number, got 'nan'"),
@@ -231,8 +231,8 @@ Act = Callable[[Ensemble], object]
         ({"PFBKPROG(@0)": "#" + "x" * 4000}, lambda d: d.read(), "expected % and data, got '#x{63}';"),
         ({"PFBKPROG(@0)": "#"}, lambda d: d.read(), "expected % and data, got '#'"),
         ({"GETPARM(@0, 73)": "%100"}, lambda d: d.set_limits(LIMITS), "should be 500 deg/s².*reads back 100"),
-        ({}, lambda d: d.disable(), "told to disable its axis, and the axis is still enabled"),
-        ({}, lambda d: d.go_to_angle(5.0), "told to stop before its next motion, and still moves"),
+        ({}, lambda d: d.disable(), "disabling was commanded, and the axis is still enabled"),
+        ({}, lambda d: d.go_to_angle(5.0), "a stop before its next motion was commanded, and it still moves"),
     ],
 )
 def test_an_acknowledgement_is_not_believed(answers: dict[str, str], act: Act, complaint: str) -> None:
@@ -276,7 +276,7 @@ def test_a_fault_ends_a_motion_even_where_the_controller_lets_it_go_on() -> None
 def test_a_fault_in_which_even_a_stop_is_refused_is_told_as_it_is() -> None:
     with scripted(**{"AXISFAULT(@0)": "%1", "ABORT @0": "#"}) as server, connected(server) as driver:
         assert driver.state() is TableState.FAULT
-        with pytest.raises(InstrumentError, match=r"it was told to stop: fault 0x1 \(position error\)"):
+        with pytest.raises(InstrumentError, match=r"a stop was commanded: fault 0x1 \(position error\)"):
             driver.stop()
 
 

@@ -118,7 +118,7 @@ def test_limits_are_programmed_and_the_rate_s_is_kept_by_the_driver(enabled: Rat
     enabled.go_to_angle(0.0)
     assert machine.limits() == (300.0, 500.0)
     machine.demands.clear()
-    with pytest.raises(UsageError, match=r"asked for 301 deg/s, the limit that was set is 300 deg/s"):
+    with pytest.raises(UsageError, match=r"commanded 301 deg/s, the limit that was set is 300 deg/s"):
         enabled.go_to_rate(301.0)
     assert machine.demands == []
 

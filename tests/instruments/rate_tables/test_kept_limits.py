@@ -29,7 +29,7 @@ def test_rates_up_to_the_limit_pass_in_both_directions_and_none_beyond(limits: K
     limits.keep(TableLimits(rate_dps=300.0, acceleration_dps2=500.0))
     limits.check_rate(300.0)
     limits.check_rate(-300.0)
-    with pytest.raises(UsageError, match=r"asked for -300.1 deg/s, the limit that was set is 300 deg/s"):
+    with pytest.raises(UsageError, match=r"commanded -300.1 deg/s, the limit that was set is 300 deg/s"):
         limits.check_rate(-300.1)
 
 

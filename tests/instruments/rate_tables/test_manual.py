@@ -16,7 +16,7 @@ from benchctl_instruments.simulated.world import World
 
 
 class Bench:
-    """A manual table over a simulated world; `asked` are the rates that its operator was asked for, and turned at."""
+    """A manual table over a simulated world; `asked` are the rates that its operator was commanded, and turned at."""
 
     def __init__(self) -> None:
         self.clock = VirtualClock()
@@ -117,5 +117,5 @@ def test_without_an_operator_a_rate_is_refused() -> None:
     bench = Bench()
     table = ManualTable(clock=bench.clock, encoder=bench.digitizer)
     table.set_limits(TableLimits(rate_dps=100.0, acceleration_dps2=500.0))
-    with pytest.raises(InstrumentError, match="asked for 20 deg/s without an operator"):
+    with pytest.raises(InstrumentError, match="commanded 20 deg/s without an operator"):
         table.go_to_rate(20.0)

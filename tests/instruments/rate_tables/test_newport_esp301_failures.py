@@ -107,7 +107,7 @@ def test_what_never_ends_a_line_is_not_an_esp301() -> None:
 def test_an_axis_that_is_not_there_is_named_although_it_is_never_answered_for(axis: int, reported: str) -> None:
     with (
         SimulatedEsp301(InstantTable(), over_tcp=True) as server,
-        pytest.raises(InstrumentError, match=rf"asked for axis {axis}, it reports {reported}.*; check the axis"),
+        pytest.raises(InstrumentError, match=rf"checked axis {axis}, it reports {reported}.*; check the axis"),
     ):
         Esp301(server.address, clock=CountedClock(), axis=axis, timeout_s=0.3).open()
 
@@ -193,10 +193,10 @@ Act = Callable[[Esp301], object]
     ("answers", "act", "complaint"),
     [
         ({"1VA?": "9"}, lambda d: d.go_to_rate(10.0), "1VA should be 10, it was not refused and reads back 9"),
-        ({"1VA?": "fast"}, lambda d: d.go_to_rate(10.0), r"asked '1VA\?', expected a number, got 'fast'"),
+        ({"1VA?": "fast"}, lambda d: d.go_to_rate(10.0), r"sent '1VA\?', expected a number, got 'fast'"),
         ({"1AC?": "9"}, lambda d: d.set_limits(LIMITS), "1AC should be 500.*reads back 9"),
-        ({"1MO?": "0"}, lambda d: d.enable(), "enabling was asked for, and its motor is off"),
-        ({"1MO?": "yes"}, lambda d: d.state(), r"asked '1MO\?', expected 0 or 1, got 'yes'"),
+        ({"1MO?": "0"}, lambda d: d.enable(), "enabling was commanded, and its motor is off"),
+        ({"1MO?": "yes"}, lambda d: d.state(), r"sent '1MO\?', expected 0 or 1, got 'yes'"),
         ({"TE?": "none"}, lambda d: d.stop(), "expected the code of an error, 0 to 999, got 'none'"),
         ({"TE?": "6"}, lambda d: d.state(), "queue of errors does not come to an end"),
         ({"1TV?": "nan"}, lambda d: d.read(), "expected a number, got 'nan'"),
@@ -204,9 +204,13 @@ Act = Callable[[Esp301], object]
         ({"1TV?": "9" * 4000}, lambda d: d.read(), "expected a number, got '9{64}';"),
         ({"1MD?": "1"}, lambda d: d.go_to_rate(10.0), "in fault: it turned, and has come to rest by itself"),
         ({}, lambda d: d.go_to_angle(5.0), "1VA should be 300"),
-        ({"1VA?": "300"}, lambda d: d.go_to_angle(5.0), "asked for and not refused, and the table stands still at 0"),
-        ({"1MD?": "0"}, lambda d: d.go_to_rate(10.0), "told to stop before its next motion, and still moves"),
-        ({}, lambda d: d.disable(), "its motor was told to be off, and is still on"),
+        ({"1VA?": "300"}, lambda d: d.go_to_angle(5.0), "commanded and not refused, but the table rests at 0"),
+        (
+            {"1MD?": "0"},
+            lambda d: d.go_to_rate(10.0),
+            "a stop before its next motion was commanded, and it still",
+        ),
+        ({}, lambda d: d.disable(), "its motor was commanded off, and is still on"),
     ],
 )
 def test_silence_is_not_taken_for_obedience(
@@ -310,7 +314,7 @@ def test_a_0_with_junk_in_it_is_no_error(damaged: Damaged, line: bytes, caplog: 
         damaged.damaged = [line]
         assert driver.state() is TableState.AT_REST
     (record,) = caplog.records
-    assert "asked 'TE?', expected the code of an error, 0 to 999, got " in record.getMessage()
+    assert "sent 'TE?', expected the code of an error, 0 to 999, got " in record.getMessage()
 
 
 def test_where_no_answer_came_it_is_told_that_an_error_may_be_lost(
@@ -320,7 +324,7 @@ def test_where_no_answer_came_it_is_told_that_an_error_may_be_lost(
         damaged.damaged = [None]
         assert driver.state() is TableState.AT_REST
     said = [record.getMessage() for record in caplog.records]
-    assert said[-1].endswith("asked 'TE?' twice; an error may have been lost on the line")
+    assert said[-1].endswith("sent 'TE?' twice; an error may have been lost on the line")
 
 
 def test_errors_that_nobody_asked_for_are_told_and_change_nothing(
@@ -353,7 +357,7 @@ def test_a_stop_is_sent_twice_and_one_of_them_may_be_rejected(scripted: Scripted
         driver.stop()
         assert scripted.heard.count("1ST") == 2
         scripted.errors += ["27", "0", "27"]
-        with pytest.raises(InstrumentError, match=r"told to stop and reports 27 \(command not allowed\)"):
+        with pytest.raises(InstrumentError, match=r"a stop was commanded and it reports 27 \(command not allowed\)"):
             driver.stop()
 
 

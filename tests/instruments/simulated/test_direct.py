@@ -113,7 +113,7 @@ def test_the_chamber_goes_where_its_limits_let_it(clock: VirtualClock, world: Wo
         assert reading.temperature_c == pytest.approx(60.0, abs=1e-3)
         assert (reading.setpoint_c, reading.alarms) == (60.0, ())
         assert reading.power_percent > 0.0
-        with pytest.raises(InstrumentError, match=r"asked for 95\.0 °C, its limits are -55\.0 to 90\.0 °C"):
+        with pytest.raises(InstrumentError, match=r"commanded to 95\.0 °C, its limits are -55\.0 to 90\.0 °C"):
             interface.go_to(95.0)
         with pytest.raises(UsageError, match="lower one first"):
             interface.set_limits(10.0, -10.0)
@@ -134,7 +134,7 @@ def test_a_stream_gives_all_scans_that_are_due(clock: VirtualClock, digitizer: D
     assert second.backlog == 0
     clock.sleep(0.002)
     assert digitizer.read_stream(0, 0.0).first_index == 1001
-    with pytest.raises(LinkError, match="1 scans were asked for, 0 came"):
+    with pytest.raises(LinkError, match="1 scans were requested, 0 came"):
         digitizer.read_stream(0, 0.0)
 
 
@@ -152,7 +152,7 @@ def test_volts_fall_on_steps_of_the_converter(clock: VirtualClock) -> None:
 def test_scans_that_do_not_come_in_time_are_counted(clock: VirtualClock, digitizer: Digitizer) -> None:
     digitizer.start_stream(10.0)
     clock.sleep(1.0)
-    with pytest.raises(LinkError, match=r"20 scans were asked for, 11 came within 0\.01 s"):
+    with pytest.raises(LinkError, match=r"20 scans were requested, 11 came within 0\.01 s"):
         digitizer.read_stream(20, 0.01)
     clock.sleep(1.0)
     assert digitizer.read_stream(20, 0.01).gyro_v.size == 21

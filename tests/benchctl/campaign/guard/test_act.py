@@ -69,7 +69,7 @@ def test_a_manual_table_is_an_alarm_and_the_chamber_goes_home(
         assert servers.world.chamber.setpoint_c() == 23.0
         assert servers.world.table.motion().rate_dps == pytest.approx(120.0, abs=1.0)
     alarm, result = capfd.readouterr().err.splitlines()
-    nobody = "rate_table: it is turned by hand: nobody but the operator can stop it"
+    nobody = "rate_table: it is operated manually: only the operator can stop it"
     assert alarm == f"benchctl guard: it died; {nobody}: stop it NOW"
     assert result == f"benchctl guard: it died; chamber set to 23 °C, read back; NOT CONFIRMED: {nobody}; go and look"
 
