@@ -86,7 +86,7 @@ def _diagnosis(
     if not settled and (other := other_answer(problem, chosen)) is not None:
         problem = other
         chosen = select(problem, seed=seed, progress=progress, rounding_v2=rounding_v2, chosen=chosen)
-    progress("what is left", 0.95)
+    progress("residual", 0.95)
     problem.forget()  # the following steps need no fast predictions
     tried = _names(chosen)
     spikes = any(fault.effect == "outliers" for fault in faults)

@@ -111,7 +111,7 @@ CLASSES: MappingProxyType[ClassName, TrialClass] = MappingProxyType(
             title="up to two effects of a drive", verdict="missing-physics", weight=20, effects=2, part="drive"
         ),
         "drive-structure": TrialClass(
-            title="a torque without a name, alone or beside one effect of a drive",
+            title="a torque without a name, alone or with one effect of a drive",
             verdict="unknown-structure",
             weight=20,
             structure=True,
@@ -121,7 +121,7 @@ CLASSES: MappingProxyType[ClassName, TrialClass] = MappingProxyType(
             title="up to two effects of a chamber", verdict="missing-physics", weight=20, effects=2, part="chamber"
         ),
         "chamber-structure": TrialClass(
-            title="heat without a name, alone or beside one effect of a chamber",
+            title="heat without a name, alone or with one effect of a chamber",
             verdict="unknown-structure",
             weight=20,
             structure=True,

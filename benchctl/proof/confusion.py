@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from benchctl.proof.trial import Answer, Trial
 
-NOTHING, UNKNOWN, WITHHELD, ADDED = "nothing", "unknown structure", "hypothesis withheld", "beside others"
+NOTHING, UNKNOWN, WITHHELD, ADDED = "nothing", "unknown structure", "hypothesis withheld", "in addition to others"
 """Rows and columns that are no effects. The row `ADDED` counts false positives of trials without a missed effect."""
 
 

@@ -203,7 +203,7 @@ def headline(diagnosis: Diagnosis) -> str:
         f"{beginning}: {names}."
         for kind, beginning in (
             ("physics", "The data demand physics that the model does not have"),
-            ("noise", "The noise is not what the model says"),
+            ("noise", "The noise differs from the model"),
             ("data", "The data have faults, which are left out of all figures"),
         )
         if (names := _names(diagnosis.findings, kind))

@@ -122,7 +122,7 @@ def time_chart(charted: Charted) -> Markup:
     flagged = {flag.campaign for flag in charted.flags if flag.kind in ("outside_limits", "fails")}
     for point, (x, y) in zip(points, places, strict=True):
         error = None if point.uncertainty is None else abs(up.place(point.uncertainty) - up.place(0.0))
-        title = Markup("<title>{}</title>").format(told(charted.series, point))
+        title = Markup("<title>{}</title>").format(point_text(charted.series, point))
         parts.append(_mark(x, y, point, error, title, ring=point.campaign in flagged, upright=True))
     return svg_of(_WIDTH, _HEIGHT, 9.5, parts)
 
@@ -156,12 +156,12 @@ def units_chart(series: Sequence[FigureSeries], siblings: Siblings | None) -> Ma
         parts.append(text_at(_NAMES - 10.0, y + 3.0, _short(one.serial), "end"))
         error = None if point.uncertainty is None else across.place(point.uncertainty) - across.place(0.0)
         apart = siblings is not None and not point.bound and siblings.is_apart(point.value, point.uncertainty)
-        title = Markup("<title>{}: {}</title>").format(one.serial, told(one, point))
+        title = Markup("<title>{}: {}</title>").format(one.serial, point_text(one, point))
         parts.append(_mark(across.place(point.value), y, point, error, title, ring=apart, upright=False))
     return svg_of(_WIDE, height + (26.0 if across.exponent else 15.0), 11.0, parts)
 
 
-def told(series: FigureSeries, point: Point) -> str:
+def point_text(series: FigureSeries, point: Point) -> str:
     """Return a point as text: value, uncertainty, date, campaign, verdict."""
     parts = [point.started_utc[:16].replace("T", " "), stated(series, point), point.verdict, point.campaign]
     return " · ".join(part for part in parts if part)

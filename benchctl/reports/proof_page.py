@@ -36,7 +36,7 @@ def lines(summary: Summary) -> Iterator[str]:
 def lines_on(values: Mapping[str, Any]) -> Iterator[str]:
     """Yield the results of trials on a real recording, by effect and in total; `values` is the data for `--json`."""
     yield f"untouched: {', '.join(values['untouched']) or 'nothing found'}"
-    yield f"{'':<34} {'named':>10} {'smallest named':>16} {'largest missed':>16}   (rms, by what is left untouched)"
+    yield f"{'':<34} {'named':>10} {'smallest named':>16} {'largest missed':>16}   (rms / untouched residual)"
     for row in values["effects"]:
         sizes = ["" if row[name] is None else f"{row[name]:.2f}" for name in ("smallest_named", "largest_missed")]
         named = f"{row['named']:>4} of {row['trials']:<3}"

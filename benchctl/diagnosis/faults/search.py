@@ -79,7 +79,7 @@ def quiet_noise_v(residual: FloatArray, predicted: FloatArray, interval_s: float
     It is a low quantile of the differences of successive residuals (n,) in windows of one second. Slow model errors
     have no influence; fast ones make windows louder. Rounding adds step²/12 if noise or motion exceed a step; quieter
     windows show stairs. Windows in which the prediction (n,) rests, far from where a rail may be, have a quantile of
-    their own: noise that only motion makes says nothing about equal values at rest.
+    their own: noise that only motion makes gives no information about equal values at rest.
     """
     window = max(2, round(_WINDOW_S / interval_s))
     windows = residual.size // window

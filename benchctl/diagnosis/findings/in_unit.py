@@ -53,7 +53,7 @@ def pieces_in_time(one: Unexplained) -> Unexplained:
     """Return the unexplained part with "step" replaced by "time", for steps that are pieces of one recorded step."""
     coordinates = dict.fromkeys(word.replace("step", "time") for word in one.coordinates)
     text = one.says.replace("the steps", "time").replace("with the step", "with time")
-    text = text.replace(" This recording does not part it from time.", "")
+    text = text.replace(" This recording does not separate it from time.", "")
     return replace(one, coordinates=tuple(coordinates), says=text)
 
 

@@ -168,7 +168,7 @@ class PointsProblem(GyroBaseline):
     def _remarks(self, after: FloatArray) -> Iterator[str]:
         yield (
             f"{int(self.usable.sum())} static points, no samples: of time, motion, encoder and noise nothing is"
-            " observable here; a commanded rate stands for the table's own."
+            " observable here; a commanded rate is taken as the table's own."
         )
         if not self._temperatures_vary:
             yield "All points are at one temperature, or none is known: no effect of temperature is observable."

@@ -189,5 +189,5 @@ class PointsEnd:
         others = stated[(np.abs(self.points.rate_dps) <= self.follows_to_dps) & (stated > 0.0)]
         yield (
             f"The stated deviation collapses at {rates} °/s, to {1e3 * float(stated[rows].max()):.2g} mV or less where"
-            f" the law is followed by {1e3 * float(others.min()):.2g} mV at least: the output stands at a limit there."
+            f" the law is followed by {1e3 * float(others.min()):.2g} mV at least: the output is at a limit there."
         )

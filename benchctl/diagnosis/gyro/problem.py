@@ -60,7 +60,7 @@ class GyroProblem(GyroBaseline):
     Its rows are those of the frame or, if the motion goes beyond the filters' band, the slow part of some of them
     (`band`). `earth_dps` is the Earth's rate about the table's axis, 0 if the table's location is unknown; `rounding_v`
     (n,) is the contribution of a coarse converter's steps to the output. `response` and `contrast` are compared above
-    the band; `rails` are those observed in its samples. Each value of the output stands in `rows_per_value` rows.
+    the band; `rails` are those observed in its samples. Each value of the output is repeated in `rows_per_value` rows.
     """
 
     frame: Frame
@@ -340,10 +340,10 @@ class GyroProblem(GyroBaseline):
         )
         earth = (left_out,) if self.earth_dps and not self.chain.earth_dps else ()
         limits = limits_of(frame, self.simulation, self.band, self.encoder_step_deg)
-        above = () if self.response is None else (self.response.says(float(self.simulation["K0_v_per_dps"])),)
+        above = () if self.response is None else (self.response.sentence(float(self.simulation["K0_v_per_dps"])),)
         held = (
-            f"Each value of the output stands in {self.rows_per_value} rows: the recorder is faster than the gyro. Of"
-            " these rows, the first is used."
+            f"Each value of the output is repeated in {self.rows_per_value} rows: the recorder is faster than the gyro."
+            " Of these rows, the first is used."
         )
         repeated = (held,) if self.rows_per_value > 1 else ()
         return (*repeated, *limits, *above, *lines, *earth)

@@ -76,7 +76,7 @@ class Response:
         off = self.measured - crossed * self.scale
         return np.concatenate([off.real * self.weights[0], off.imag * self.weights[1]], axis=None)
 
-    def says(self, K0_v_per_dps: float) -> str:
+    def sentence(self, K0_v_per_dps: float) -> str:
         """Return a sentence on the compared band and the gain at its ends."""
         low, high = self.frequency_hz[[0, -1]].tolist()
         first, last = (self.gain_v[[0, -1]] / abs(K0_v_per_dps)).tolist()

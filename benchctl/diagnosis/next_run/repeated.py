@@ -25,7 +25,7 @@ _MOVED_BY = {
 """Coordinates that are unknown before a run or have no spread, and the coordinates used in their place."""
 
 _VERY_MUCH = 1000.0
-"""Ratio beyond which a number says no more: the recording hardly varies it at all."""
+"""Ratio beyond which a larger number means no more: the recording hardly varies it at all."""
 
 
 def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Bench | None = None) -> NextExperiment:

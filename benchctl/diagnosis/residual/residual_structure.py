@@ -414,9 +414,9 @@ def _says(best: Looked, named: tuple[str, ...], ranges: tuple[tuple[float, float
         unit = unit if word == "output" else COORDINATE_UNITS.get(word, "")
         where += f", most at {low:.3g} to {high:.3g} {unit}".rstrip()
     others = [_phrase(word) for word in named if word not in best.words]
-    sentence = f" This recording does not part it from {' or '.join(others)}." if others else ""
+    sentence = f" This recording does not separate it from {' or '.join(others)}." if others else ""
     return (
-        f"What is left is not noise: it lives in {where}; no known effect accounts for it."
+        f"The residual is not noise: it depends on {where}; no known effect accounts for it."
         f" Closest generic form: {best.form}.{sentence}"
     )
 

@@ -29,7 +29,7 @@ def effect_source(identifier: str, found: StructureModel) -> str:
     return _SOURCE.format(
         identifier=identifier,
         name=name,
-        says=found.says,
+        sentence=found.says,
         fields="\n".join(f"    {one}: float" for one in values),
         stage=kind.stage,
         coordinate=kind.coordinate,
@@ -76,7 +76,7 @@ _PARAMETER = """\
         ),
 """
 
-_SOURCE = '''"""{says}
+_SOURCE = '''"""{sentence}
 
 Written by benchctl diagnose --write-effect. Complete the words and the look-alikes; list the class among the entry
 points "benchctl.effects" of your package, as {identifier}; check it with
@@ -96,7 +96,7 @@ from benchctl_instruments.physics.structures import Structure, structure_named
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class {name}(PhysicalEffect):
-    """{says}"""
+    """{sentence}"""
 
 {fields}
 
@@ -105,7 +105,7 @@ class {name}(PhysicalEffect):
     pointwise: ClassVar[bool] = {pointwise}
     timeless: ClassVar[bool] = {timeless}
     momentary: ClassVar[bool] = {momentary}
-    words: ClassVar[str] = "{says}"
+    words: ClassVar[str] = "{sentence}"
     equation: ClassVar[str] = "{equation}"
     coordinate: ClassVar[str] = "{coordinate}"
     excited_by: ClassVar[str] = "{excited_by}"

@@ -350,7 +350,7 @@ def _stated(
         sentence += f" This recording does not separate it from a dependence on {others}."
     sentence += " No known effect accounts for it."
     if found.left.significant:
-        sentence += f" A residual remains beside it. {found.left.says}"
+        sentence += f" A residual remains in addition. {found.left.says}"
     return Unexplained(significant=True, share=share, coordinates=coordinates, says=sentence, models=models)
 
 

@@ -63,7 +63,7 @@ def bias() -> Sketch:
     rest = 40.0 + wander - wander.mean()
     return one_panel(
         "Bias",
-        "An hour at rest, in means of 10 s: Earth's rate at 58.5° N is taken off, what is left is the bias.",
+        "An hour at rest, in means of 10 s: Earth's rate at 58.5° N is taken off, the rest is the bias.",
         SketchedCurve(x=minutes, y=rest, look="grey", label="means of 10 s"),
         SketchedCurve(x=minutes, y=np.full(minutes.size, 40.0), look="on", label="their mean"),
         x="time (min)",

@@ -43,8 +43,8 @@ def argument() -> Sketch:
         "Argument: indicated or true rate",
         "The paper's k(ω) = 1 + 3.02e-6·ω² + 5.89e-11·ω⁴ on a gyro of S = 0.00448 rad/(°/s): right where ω is the"
         " indicated rate, too large where it is the true one.",
-        SketchedCurve(x=true, y=left(indicated), look="third", label="taken at the indicated rate"),
-        SketchedCurve(x=true, y=left(true), look="on", label="taken at the true rate"),
+        SketchedCurve(x=true, y=left(indicated), look="third", label="at the indicated rate"),
+        SketchedCurve(x=true, y=left(true), look="on", label="at the true rate"),
         x="true rate (°/s)",
         y="error that is left (%)",
         zero=True,

@@ -23,7 +23,7 @@ class HeaterNonlinearity(ChamberEffect):
     stage: ClassVar[ChamberStage] = "source"
     drives: ClassVar[tuple[Drive, ...]] = ("power",)
     words: ClassVar[str] = (
-        "The heat is not in proportion to the power that is asked for: a phase control without correction, a "
+        "The heat is not in proportion to the demanded power: a phase control without correction, a "
         "heater that changes its resistance, a pump of heat at its end."
     )
     equation: ClassVar[str] = "u → u·(1 + curvature·|u|/u_max)"

@@ -23,7 +23,7 @@ class SecondLag(ChamberEffect):
     identifier: ClassVar[str] = "second_lag"
     stage: ClassVar[ChamberStage] = "transport"
     words: ClassVar[str] = (
-        "The heat reaches the thermometer through a second body with a time constant of its own: the heater "
+        "The heat reaches the thermometer through a second body with its own time constant: the heater "
         "element must warm up before it heats the air, or the thermometer follows late."
     )
     equation: ClassVar[str] = "τ2·du2/dt = u − u2; u2 in place of u"

@@ -28,7 +28,7 @@ class CoggingTorque(DriveEffect):
     )
     equation: ClassVar[str] = "τ → τ + amplitude·cos(order·(θ−phase))"
     coordinate: ClassVar[str] = "angle"
-    excited_by: ClassVar[str] = "slow whole turns"
+    excited_by: ClassVar[str] = "slow complete turns"
     look_alikes: ClassVar[tuple[str, ...]] = ("gravity", "torque_offset")
     several: ClassVar[bool] = True
     parameters: ClassVar[Mapping[str, Parameter]] = {

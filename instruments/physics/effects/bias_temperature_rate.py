@@ -21,7 +21,7 @@ class BiasTemperatureRate(PhysicalEffect):
     pointwise: ClassVar[bool] = True
     words: ClassVar[str] = (
         "While the temperature changes the bias is shifted, one way in heating and the other in cooling, and it comes"
-        " back as soon as the temperature stands: the two ends of the coil warm unequally (Shupe's effect)."
+        " back as soon as the temperature is constant: the two ends of the coil warm unequally (Shupe's effect)."
     )
     equation: ClassVar[str] = "U → U + v·dT/dt"
     coordinate: ClassVar[str] = "gyro_temp_rate"

@@ -32,7 +32,7 @@ class EncoderEccentricity(EncoderEffect):
     )
     equation: ClassVar[str] = "θ_encoder = θ + amplitude·sin(order·(θ − phase))"
     coordinate: ClassVar[str] = "angle"
-    excited_by: ClassVar[str] = "whole turns at a high rate"
+    excited_by: ClassVar[str] = "complete turns at a high rate"
     look_alikes: ClassVar[tuple[str, ...]] = ("heading_dependent_bias", "encoder_interpolation")
     several: ClassVar[bool] = True
     parameters: ClassVar[Mapping[str, Parameter]] = {

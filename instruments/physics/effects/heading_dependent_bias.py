@@ -30,7 +30,7 @@ class HeadingDependentBias(PhysicalEffect):
     )
     equation: ClassVar[str] = "U → U + amplitude·cos(order·(θ−phase))"
     coordinate: ClassVar[str] = "angle"
-    excited_by: ClassVar[str] = "slow whole turns, or rest at several headings"
+    excited_by: ClassVar[str] = "slow complete turns, or rest at several headings"
     look_alikes: ClassVar[tuple[str, ...]] = ("encoder_eccentricity", "encoder_interpolation")
     several: ClassVar[bool] = True
     parameters: ClassVar[Mapping[str, Parameter]] = {

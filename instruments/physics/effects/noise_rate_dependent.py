@@ -36,7 +36,7 @@ class NoiseRateDependent(NoiseEffect):
     )
     equation: ClassVar[str] = "σ(ω) = σ·√(1 + (factor² − 1)·(ω/range)²)"
     coordinate: ClassVar[str] = "abs_rate"
-    excited_by: ClassVar[str] = "constant rates up to the full range, beside rest"
+    excited_by: ClassVar[str] = "constant rates up to the full range, and rest"
     look_alikes: ClassVar[tuple[str, ...]] = ("outliers", "encoder_interpolation")
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "factor_at_full_rate": Parameter(

@@ -61,5 +61,5 @@ class ScaleRateTemperatureCoupling(PhysicalEffect):
         return (
             "The curvature of the characteristic changes with temperature: ten degrees above"
             f" {self.T0_c:.3g} °C the scale factor at {self.range_dps:.4g} °/s is {100.0 * abs(change):.3g} %"
-            f" {'lower' if change < 0.0 else 'higher'} than k(T)·k(ω) says."
+            f" {'lower' if change < 0.0 else 'higher'} than by k(T)·k(ω)."
         )

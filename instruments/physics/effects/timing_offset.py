@@ -22,7 +22,7 @@ class TimingOffset(ClockEffect):
     stage: ClassVar[Stage] = "sampling"
     words: ClassVar[str] = (
         "Encoder and gyro do not share one instant: the gyro's samples are older (or, negative, younger) than the"
-        " encoder's beside them, by always the same time."
+        " encoder's in the same rows, by always the same time."
     )
     equation: ClassVar[str] = "U(t) → U(t − offset)"
     coordinate: ClassVar[str] = "acceleration"

@@ -150,7 +150,7 @@ def test_eight_seconds_of_a_servo_are_imported_and_what_nobody_can_name_is_said(
         found = diagnose(recording, model=model)
     (late,) = found.findings
     assert late.effect == lag
-    assert "sensor_bandwidth" in {one.effect for one in late.alternatives}  # one sine does not part it from a delay
+    assert "sensor_bandwidth" in {one.effect for one in late.alternatives}  # one sine does not separate it from a delay
     assert found.unexplained.significant
     assert lives_in in found.unexplained.says
     assert found.not_found == ()

@@ -297,7 +297,7 @@ def test_a_moved_model_is_told_by_its_parameters_as_they_were_and_are():
     ("effects", "word", "says"),
     [
         (("dropouts",), "Faulty data", "The data have faults, which are left out of all figures: dropouts."),
-        (("flicker_noise",), "Noise not as modelled", "The noise is not what the model says: flicker noise."),
+        (("flicker_noise",), "Noise not as modelled", "The noise differs from the model: flicker noise."),
         (
             ("thermal_lag", "outliers", "bias_drift"),
             "Physics is missing",
@@ -339,7 +339,7 @@ def test_spoilt_samples_are_marked_and_do_not_count():
     ("told", "printed"),
     [
         ("Run `diagnostic`: it moves gyro_temp*rate.", "Run diagnostic: it moves the gyro's temperature together"),
-        ("it lives in time, most at -6.3 to 3.5 °C", "it lives in time, most at −6.3 to 3.5 °C"),
+        ("it depends on time, most at -6.3 to 3.5 °C", "it depends on time, most at −6.3 to 3.5 °C"),
         ("along chamber_temp_rate it is 5e-08", "along the warming of the chamber it is 5\u00a0×\u00a010⁻⁸"),
         ("Run two_stage with rates_dps = 3", "Run two_stage with rates_dps = 3"),
         ("a file of 2026-11-20", "a file of 2026-11-20"),

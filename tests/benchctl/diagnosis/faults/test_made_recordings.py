@@ -43,7 +43,7 @@ def test_a_recorder_that_is_faster_than_the_gyro_adds_no_delay() -> None:
     assert delay.effect == "timing_offset"
     assert delay.parameters["offset_s"].value == pytest.approx(6e-3, rel=0.1)
     assert not diagnosis.unexplained.significant
-    assert any("stands in 3 rows" in note for note in diagnosis.notes)
+    assert any("is repeated in 3 rows" in note for note in diagnosis.notes)
 
 
 def _found(truth: Truth) -> dict[str, Fault]:

@@ -77,12 +77,12 @@ def test_what_differs_between_pieces_of_one_step_changes_with_time() -> None:
         significant=True,
         share=0.1,
         coordinates=("step", "time"),
-        says="What is left is not noise: it lives in the steps; no known effect accounts for it. Closest generic form:"
-        " a bias that changes with the step. This recording does not part it from time.",
+        says="The residual is not noise: it depends on the steps; no known effect accounts for it. Closest generic"
+        " form: a bias that changes with the step. This recording does not separate it from time.",
     )
     told = pieces_in_time(left)
     assert told.coordinates == ("time",)
     assert told.says == (
-        "What is left is not noise: it lives in time; no known effect accounts for it. Closest generic form:"
-        " a bias that changes with time."
+        "The residual is not noise: it depends on time; no known effect accounts for it. Closest generic"
+        " form: a bias that changes with time."
     )

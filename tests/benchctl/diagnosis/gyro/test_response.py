@@ -151,7 +151,7 @@ def test_only_what_both_see_is_compared() -> None:
     assert response.frequency_hz.min() > problem.band.stop_hz
     assert np.any(np.abs(response.frequency_hz - 12.8) < 0.5)  # the steps
     assert response.frequency_hz.max() < 17.0  # beyond, the encoder's own steps drown the motion
-    assert "the gain is 1.0" in response.says(1.0)
+    assert "the gain is 1.0" in response.sentence(1.0)
     off = problem.spectral_residual(problem.baseline_start, ()) / problem.band.noise
     assert np.mean(off[: response.step.size] ** 2) < 0.2  # in deviations that hold more than noise
     assert np.mean(off[response.step.size :] ** 2) < 1.0  # in deviations that steps differ by, and more

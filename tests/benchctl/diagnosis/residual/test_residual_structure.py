@@ -148,7 +148,7 @@ def test_it_says_in_which_range_it_is_largest() -> None:
     ((low, high),) = found.ranges
     assert low < 5.0 < high
     assert high - low < 20.0
-    assert "it lives in the gyro's temperature, most at" in found.says
+    assert "it depends on the gyro's temperature, most at" in found.says
     assert "no known effect accounts for it" in found.says
 
 
@@ -160,7 +160,7 @@ def test_the_range_of_an_output_is_in_the_unit_of_what_was_measured() -> None:
     fitted = fitted_to(problem, bump, 0, 0.0, 0.0)
     problem.coordinates = {name: problem.coordinates[name] for name in ("time", "output", "step")}
     found = residual_structure_of(problem, Filtered(), fitted)
-    assert re.search(r"lives in the output, most at [-\d.]+ to [-\d.]+ K;", found.says)
+    assert re.search(r"depends on the output, most at [-\d.]+ to [-\d.]+ K;", found.says)
 
 
 def test_the_share_is_that_of_the_power() -> None:
