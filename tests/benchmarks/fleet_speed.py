@@ -96,7 +96,7 @@ def by_fleet(recordings: Sequence[Located], out: Path, workers: int) -> None:
         say=lambda text: None,
         stop=StopRequest(),
     )
-    assert len(fleet.ended("done")) == len(recordings), [one.says for one in fleet.members]
+    assert len(fleet.ended("done")) == len(recordings), [one.reason for one in fleet.members]
 
 
 def by_pool(recordings: Sequence[Located], out: Path, workers: int) -> None:
