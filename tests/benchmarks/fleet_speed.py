@@ -92,7 +92,7 @@ def by_fleet(recordings: Sequence[Located], out: Path, workers: int) -> None:
         recordings,
         Options(),
         Settings(workers=workers, out=str(out)),
-        told=lambda job, outcome: None,
+        on_outcome=lambda job, outcome: None,
         say=lambda text: None,
         stop=StopRequest(),
     )
