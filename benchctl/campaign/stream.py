@@ -125,9 +125,9 @@ class LastingStream:
 POLL_CHANNELS = ("poll_time_s", "poll_chamber_temp_c", "poll_chamber_setpoint_c")
 STREAM_CHANNELS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", *POLL_CHANNELS)
 
-IN_FLIGHT_SCANS, IN_FLIGHT_S = 128, 0.256
-"""Scans that may wait in a packet that is not yet full, and the longest time that they do: so many are not read until
-later."""
+IN_FLIGHT_SCANS, SLOW_HZ = 128, 20.0
+"""Scans that may wait in a packet that is not yet full: so many are not read until later. Below this rate a packet has
+one scan."""
 
 PATIENCE = 0.5
 """Share of `silence_s` to wait for scans before the table and the chamber are looked at again."""
@@ -150,7 +150,7 @@ class StreamRecorder:
     def __init__(self, opened: OpenBench, supervisor: Supervisor, into: StepWriter, step: Step) -> None:
         self._opened, self._supervisor, self._into = opened, supervisor, into
         entry = opened.bench.digitizer
-        self._in_flight = min(IN_FLIGHT_SCANS, math.ceil(IN_FLIGHT_S * entry.sample_rate_hz))
+        self._in_flight = IN_FLIGHT_SCANS if entry.sample_rate_hz >= SLOW_HZ else 1
         self._stream = LastingStream(
             opened.digitizer,
             opened.clock,

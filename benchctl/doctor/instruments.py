@@ -115,6 +115,10 @@ def _failed(bench: Bench, role: Kind, entry: InstrumentEntry, address: Address, 
         )
         yield bad(role, "driver", f"{entry.model} failed with {type(error).__name__}: {_line(error)}", do)
         return
+    if address.scheme == "visa" and not attempt.heard:
+        do = "check its power, its address on the bus, and that the VISA of this computer serves that interface"
+        yield bad(role, "answer", f"silent: {_first_clause(error)}", f"{do} (pyvisa-info shows it)")
+        return
     reached: Reached | None = None
     if address.scheme in ("tcp", "socket") and not attempt.heard:
         reached = reach(address.host, address.port)

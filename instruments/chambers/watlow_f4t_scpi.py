@@ -5,14 +5,15 @@ py-lab-hal `testequity107.py`. They show no alarms, no power and no limits of th
 the bench; `watlow_f4t` reads more, by Modbus. Commands have no answer, so each is read back. A client waits 0.1 s or
 more between two lines; so does the driver.
 
-Fault handling: as in `line_chamber`. A set point or switch that is not kept raises `InstrumentError`, and so does a
-profile that runs or is held, at `start`. A chamber that stopped by itself is an alarm. The answers for the state of a
-profile are not published; those that contain RUN, HOLD or PAUSE count.
+Fault handling: as in `line_chamber`. A set point or switch that is not kept is sent once more, then it raises
+`InstrumentError`; so does a profile that runs or is held, at `start`. A chamber that stopped by itself is an alarm. The
+answers for the state of a profile are not published; those that contain RUN, HOLD or PAUSE count.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Literal, get_args
 
 from benchctl_instruments.chambers.line_chamber import SETPOINT, KeptLimitsChamber
@@ -21,7 +22,7 @@ from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.lines import LineDialogue, Manners
 from benchctl_instruments.links.serial_port import byte_link
 from benchctl_instruments.links.tcp import Reconnect
-from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.links.wirelog import WireLog, note_recovered
 from benchctl_instruments.protocols.lines import MOST_SHOWN, UnreadableError, parse_number
 from benchctl_instruments.recognition import ByLine
 
@@ -144,17 +145,31 @@ class WatlowF4TScpi(KeptLimitsChamber):
         return self._ask(f"{self._loop}:SPOINT?", parse_number)
 
     def _put(self, setpoint_c: float) -> None:
-        self._lines.tell(f"{self._loop}:SPOINT {setpoint_c:.1f}", repeatable=True)
-        self._confirm_number(SETPOINT, setpoint_c, self._setpoint_c)
+        self._do(
+            f"{self._loop}:SPOINT {setpoint_c:.1f}",
+            lambda: self._confirm_number(SETPOINT, setpoint_c, self._setpoint_c),
+        )
 
     def _runs(self) -> bool:
         return not self._output or self._ask(f"{self._output}?", _read_state)
 
     def _switch(self, *, on: bool) -> None:
         if self._output:
-            self._lines.tell(f"{self._output} {STATES[on]}", repeatable=True)
-            self._confirm(STATES[on], lambda: STATES[self._runs()])
+            self._do(
+                f"{self._output} {STATES[on]}",
+                lambda: self._confirm(STATES[on], lambda: STATES[self._runs()]),
+            )
         self._switched_on = on
+
+    def _do(self, command: str, confirm: Callable[[], None]) -> None:
+        """Send a command and confirm it; without an answer a lost one shows only so, and is sent once more."""
+        self._lines.tell(command, repeatable=True)
+        try:
+            confirm()
+        except InstrumentError as err:
+            self._lines.tell(command, repeatable=True)
+            confirm()
+            note_recovered(str(err))
 
 
 Driver = WatlowF4TScpi

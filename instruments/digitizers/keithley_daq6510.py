@@ -12,6 +12,7 @@ and a thermocouple K with the 7700's own reference junction. The command set mus
 from __future__ import annotations
 
 from benchctl_instruments.digitizers.scanning_meter import CHANNELS, VOLTS, ScanningMeter, recognition_of
+from benchctl_instruments.protocols.lines import MOST_SHOWN, UnreadableError
 from benchctl_instruments.protocols.scpi import channel_list
 
 BUFFER = '"defbuffer1"'
@@ -55,7 +56,7 @@ class KeithleyDAQ6510(ScanningMeter):
         )
 
     def _scans(self) -> bool:
-        return self._lines.ask("TRIG:STAT?").upper().startswith(("RUNNING", "WAITING"))
+        return self._ask("TRIG:STAT?", _read_state) in ("RUNNING", "WAITING")
 
     def _single(self) -> str:
         self._tell(f"ROUT:SCAN:COUN:SCAN 1;:TRAC:CLE {BUFFER};:INIT;*WAI")
@@ -71,6 +72,14 @@ class KeithleyDAQ6510(ScanningMeter):
     def _fetch(self, fetched: int, scans: int) -> str:
         first = CHANNELS * fetched + 1
         return self._lines.ask(f"TRAC:DATA? {first},{first + CHANNELS * scans - 1},{BUFFER},READ,REL")
+
+
+def _read_state(answer: str) -> str:
+    """Return the state of the trigger model: one word of three parts; raises `UnreadableError` for another answer."""
+    state, *more = answer.split(";")
+    if len(more) != 2 or not state.isalpha():
+        raise UnreadableError(f"expected a state such as IDLE;IDLE;0, got {answer[:MOST_SHOWN]!r}")
+    return state.upper()
 
 
 Driver = KeithleyDAQ6510

@@ -16,11 +16,13 @@ leave unchanged.
 | fault                                           | handling                                                        |
 |-------------------------------------------------|-----------------------------------------------------------------|
 | no answer, a late one, a cut link               | repeated once on a new connection, as in `links.lines`          |
-| an unreadable answer, a command that it refuses | `InstrumentError`: the queue of errors is read after each       |
+| an unreadable answer                            | repeated once; readings that are deleted are then a gap         |
+| a command that it refuses                       | `InstrumentError`: the queue of errors is read after each       |
 | a scan runs that this driver did not start      | `InstrumentError`: it belongs to another program                |
 | an answer with readings is lost                 | a gap, if the instrument has deleted them: readings carry times |
 | no readings arrive, its memory is full          | `LinkError`                                                     |
 | a reading outside the range                     | `InstrumentError`                                               |
+| readings that are stuck                         | not handled                                                     |
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -38,7 +41,7 @@ from benchctl_instruments.interfaces import Clock, Identity, Instrument, ScanBlo
 from benchctl_instruments.links.lines import LineDialogue, Manners
 from benchctl_instruments.links.serial_port import byte_link
 from benchctl_instruments.links.tcp import Reconnect
-from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.links.wirelog import WireLog, note_recovered
 from benchctl_instruments.protocols import scpi
 from benchctl_instruments.protocols.lines import MOST_SHOWN, UnreadableError, parse_number
 from benchctl_instruments.recognition import ByLine
@@ -166,7 +169,7 @@ class ScanningMeter(Instrument, ABC):
             raise UsageError(f"{self._who}: read_once while the stream runs; call stop_stream first")
         if not self._is_set_up:
             self._set_up(LINE_CYCLES[-1])
-        _, gyro_v, thermistor_v = self._table(self._single(), 1)[0]
+        _, gyro_v, thermistor_v = self._read(self._single, lambda answer: self._table(answer, 1)[0])
         return SingleScan(encoder_count=0, gyro_v=float(gyro_v), thermistor_v=float(thermistor_v))
 
     def start_stream(self, rate_hz: float) -> StreamStart:
@@ -195,19 +198,14 @@ class ScanningMeter(Instrument, ABC):
         if self._interval_s is None:
             raise UsageError(f"{self._who}: read_stream while no stream runs; call start_stream first")
         wanted, give_up_s = max(scans, 1), time.monotonic() + timeout_s
-        while (came := len(self._received) + (ready := self._ready(self._fetched))) < wanted:
+        while (more := self._receive(self._interval_s)) or len(self._received) < wanted:
             if time.monotonic() > give_up_s:
                 raise LinkError(
-                    f"{self._who}: expected {wanted} scans within {timeout_s:g} s, {came} came; look whether it scans"
+                    f"{self._who}: expected {wanted} scans within {timeout_s:g} s, {len(self._received)} came; look"
+                    " whether it scans"
                 )
-            self._clock.sleep(self._interval_s)
-        while ready > 0:
-            few = min(ready, MOST_SCANS)
-            table = self._table(self._fetch(self._fetched, few), few)
-            self._first_s = table[0, 0] if self._fetched == 0 else self._first_s
-            table[:, 0] = np.round((table[:, 0] - self._first_s) / self._interval_s)
-            self._received = np.concatenate((self._received, table))
-            self._fetched, ready = self._fetched + few, ready - few
+            if not more:
+                self._clock.sleep(self._interval_s)
         steps = np.diff(self._received[:, 0], prepend=self._next_index - 1.0)
         if np.any(steps < 1):
             raise InstrumentError(
@@ -229,13 +227,33 @@ class ScanningMeter(Instrument, ABC):
     def stop_stream(self) -> None:
         """Stop scanning and discard the stored readings. Safe to call if no stream runs."""
         self._interval_s = None
-        self._tell("ABOR")
+        self._tell("*CLS;ABOR")  # readings that were asked for twice, and deleted, have left an error
         asked_s = time.monotonic()
         while self._scans():
             if time.monotonic() - asked_s > STOP_S:
                 raise InstrumentError(
                     f"{self._who}: told to stop its scan, it still scans after {STOP_S:g} s; switch it off and on"
                 )
+
+    def _receive(self, interval_s: float) -> bool:
+        """Fetch stored scans, as many as fit into an answer; return whether more are stored.
+
+        The first reading of a stream comes less than an interval after its start, as its scan fits into one.
+        """
+        if (ready := self._ready(self._fetched)) <= 0:
+            return False
+        few = min(ready, MOST_SCANS)
+        try:
+            table = self._table(self._fetch(self._fetched, few), few)
+        except UnreadableError as err:  # asked for again, or, if the instrument has deleted them, a gap
+            note_recovered(f"{self._who}: asked for {few} scans, {err}")
+            return True
+        if self._fetched == 0:
+            self._first_s = table[0, 0] % interval_s
+        table[:, 0] = np.round((table[:, 0] - self._first_s) / interval_s)
+        self._received = np.concatenate((self._received, table))
+        self._fetched += few
+        return ready > few
 
     def _set_up(self, line_cycles: int) -> None:
         if self._scans():
@@ -255,18 +273,15 @@ class ScanningMeter(Instrument, ABC):
 
     def _tell(self, command: str) -> None:
         """Send a command and read the queue of errors in one line: it is repeated if the answer is lost."""
-        code, says = self._read(f"{command};:{scpi.NEXT_ERROR}", scpi.parse_error)
+        code, says = self._ask(f"{command};:{scpi.NEXT_ERROR}", scpi.parse_error)
         if code:
             raise InstrumentError(
                 f"{self._who}: sent {command!r}, it answers {code}, {says!r}; check its model, its card and the options"
             )
 
     def _table(self, answer: str, scans: int) -> FloatArray:
-        """Return time [s], gyro and thermistor reading of each scan, shape (scans, 3)."""
-        try:
-            values = np.array(scpi.parse_numbers(answer, scans * VALUES)).reshape(scans, VALUES)
-        except UnreadableError as err:
-            raise InstrumentError(f"{self._who}: asked for {scans} scans, {err}; check the link") from err
+        """Return time [s], gyro and thermistor reading of each scan, shape (scans, 3); may be unreadable."""
+        values = np.array(scpi.parse_numbers(answer, scans * VALUES)).reshape(scans, VALUES)
         columns = [1]
         for name, channel in (("gyro", self._gyro), ("thermistor", self._thermistor)):
             columns.append(2 * self._channels.index(channel))
@@ -277,13 +292,23 @@ class ScanningMeter(Instrument, ABC):
         return values[:, columns]
 
     def _count(self, query: str) -> int:
-        return int(self._read(query, parse_number))
+        return int(self._ask(query, parse_number))
 
-    def _read(self, query: str, parse: Callable[[str], Answer]) -> Answer:
+    def _ask(self, query: str, parse: Callable[[str], Answer]) -> Answer:
+        return self._read(partial(self._lines.ask, query), parse)
+
+    def _read(self, ask: Callable[[], str], parse: Callable[[str], Answer]) -> Answer:
+        """Return the parsed answer. An unreadable answer is requested a second time: lines have no checksum."""
         try:
-            return parse(self._lines.ask(query))
+            return parse(ask())
         except UnreadableError as err:
-            raise InstrumentError(f"{self._who}: sent {query!r}, {err}; check that it is a {self.NAME}") from err
+            garbled = str(err)
+        try:
+            answer = parse(ask())
+        except UnreadableError as err:
+            raise InstrumentError(f"{self._who}: {err}; check the cable, and that it is a {self.NAME}") from err
+        note_recovered(f"{self._who}: {garbled}")
+        return answer
 
     @abstractmethod
     def _configuration(self, line_cycles: int) -> tuple[str, ...]:

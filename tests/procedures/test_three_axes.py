@@ -13,7 +13,7 @@ from benchctl.app.accept import accept
 from benchctl.app.run import Watch, play, questions_asked
 from benchctl.bench import Bench, bench_of_text, load_bench, template
 from benchctl.campaign.check import problems
-from benchctl.campaign.hands import Answers
+from benchctl.campaign.operator import Answers
 from benchctl.campaign.resume import steps_to_play
 from benchctl.campaign.runner import Outcome
 from benchctl.metrology.limit_file import limits_of_text, limits_template
@@ -40,12 +40,12 @@ def bench(model: str = "kvh_dsp1760") -> Bench:
 def played(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     stated = bench(request.param)
     asked = questions_asked(PLAN, stated)
-    answers = Answers(path=Path("answers.toml"), by_question={one.says: "done" for one in asked})
+    answers = Answers(path=Path("answers.toml"), by_question={one.text: "done" for one in asked})
     return play(PLAN, stated, tmp_path_factory.mktemp("three") / "c", watch=Watch(warn=print), answers=answers)
 
 
 def test_the_operator_is_asked_to_turn_each_axis_up() -> None:
-    says = [one.says for one in questions_asked(PLAN, bench())]
+    says = [one.text for one in questions_asked(PLAN, bench())]
     assert says == [
         f"turn unit SIM-0001 so that its {axis} axis points up, then stand clear of the table" for axis in "xyz"
     ]
@@ -63,7 +63,7 @@ def test_each_axis_is_also_turned_down_and_every_set_point_is_kept_in_every_posi
 
 def test_a_bench_without_a_unit_of_three_axes_is_told_what_to_state() -> None:
     (problem,) = problems(PLAN, load_bench("simulated"))
-    assert "turns a unit of three axes, and the bench has none; state axes = 3 in the table [gyro]" in problem.says
+    assert "turns a unit of three axes, and the bench has none; state axes = 3 in the table [gyro]" in problem.message
 
 
 def test_a_resumed_campaign_has_the_unit_turned_as_it_was() -> None:

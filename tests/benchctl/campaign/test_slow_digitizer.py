@@ -27,7 +27,7 @@ def slow_bench(rate_table: str = "acutrol3000", **digitizer: Any) -> Bench:
 
 def said(bench: Bench, *steps: Step) -> list[tuple[int, str]]:
     plan = Plan(procedure="mine", parameters={}, steps=steps, calibrates=False)
-    return [(problem.step, problem.says) for problem in problems(plan, bench)]
+    return [(problem.step, problem.message) for problem in problems(plan, bench)]
 
 
 REST = Static(duration_s=60.0)

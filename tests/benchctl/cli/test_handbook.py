@@ -29,10 +29,14 @@ RESULTS = sorted((ROOT / "results").glob("*.md"))
 
 
 def load_bench_text(part: str) -> Bench:
-    """The bench that `init` writes, with a part added to its file; one that breaks the schema is refused."""
+    """The bench that `init` writes, with a part's tables added or in the place of its own; refused if not by schema."""
+    own = re.split(r"^(?=\[)", template(), flags=re.MULTILINE)
+    stated = {*re.findall(r"^\[.*?\]", part, re.MULTILINE)}
+    kept = "".join(table for table in own if table.partition("\n")[0] not in stated)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "bench.toml"
-        path.write_text(f"{template()}\n{part}", encoding="utf-8")
+        path.write_text(f"{kept}\n{part}", encoding="utf-8")
+        path.with_name("logo.png").write_bytes(b"\x89PNG\r\n\x1a\n")
         return load_bench(str(path))
 
 

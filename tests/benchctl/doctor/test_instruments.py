@@ -76,6 +76,17 @@ def test_rubbish_is_shown_and_taken_for_another_protocol() -> None:
     assert f"benchctl instrument probe {address} " in identity.do
 
 
+def test_an_instrument_that_visa_does_not_reach_is_told_apart_from_a_silent_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("pyvisa_py", reason="PyVISA-py is not installed: pip install pyvisa-py")
+    monkeypatch.setenv("PYVISA_LIBRARY", "@py")
+    (answer,) = _asked(bench_at({"rate_table": "visa://GPIB0::7::INSTR"}, rate_table=QUICK), "rate_table")
+    assert (answer.verdict, answer.what) == ("bad", "answer")
+    assert answer.message.startswith("silent: rate table visa://GPIB0::7::INSTR: cannot be opened: ")
+    assert "that the VISA of this computer serves that interface (pyvisa-info shows it)" in answer.do
+
+
 def test_a_labjack_at_the_chambers_address_is_named() -> None:
     with twins() as addresses:
         *_, identity = _asked(bench_at({**addresses, "chamber": addresses["digitizer"]}), "chamber")

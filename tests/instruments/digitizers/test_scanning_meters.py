@@ -102,7 +102,7 @@ def test_a_daq6510_is_set_up_and_read_byte_for_byte() -> None:
         'ABOR;:TRAC:CLE "defbuffer1";:INIT;:SYST:ERR?\n',
         'TRAC:ACT? "defbuffer1"\n',
         'TRAC:DATA? 1,4,"defbuffer1",READ,REL\n',
-        "ABOR;:SYST:ERR?\n",
+        "*CLS;ABOR;:SYST:ERR?\n",
         "TRIG:STAT?\n",
     ]
 
@@ -188,8 +188,8 @@ def test_scans_are_waited_for_and_a_silent_meter_is_named() -> None:
 def test_readings_that_were_lost_on_the_way_are_a_gap_and_what_follows_it_is_kept() -> None:
     answers = iter(
         (
-            "1.0,0000.370,0.1,0000.410,2.0,0000.570,0.1,0000.610",
-            "5.0,0001.171,0.1,0001.210,6.0,0001.370,0.1,0001.410",  # 0.77 and 0.97 s were deleted with an answer
+            "1.0,0000.070,0.1,0000.110,2.0,0000.270,0.1,0000.310",
+            "5.0,0000.871,0.1,0000.910,6.0,0001.070,0.1,0001.110",  # 0.47 and 0.67 s were deleted with an answer
         )
     )
 
@@ -234,8 +234,11 @@ def test_a_gap_ends_a_block_and_the_next_one_begins_after_it() -> None:
             [('TRAC:DATA? 1,2,"defbuffer1",READ,REL', "9.90000000E+37,0.0,0.25,0.04")],
             "channel 101, the gyro, is outside its range, or open; check the wiring",
         ),
-        ([('TRAC:DATA? 1,2,"defbuffer1",READ,REL', "1.0,0.0,0.25")], "asked for 1 scans, expected 4 numbers, got 3"),
-        ([("*RST;*CLS;:SYST:ERR?", "hello")], "expected a number, got 'hello'; check that it is a Keithley DAQ6510"),
+        ([('TRAC:DATA? 1,2,"defbuffer1",READ,REL', "1.0,0.0,0.25")], "expected 4 numbers, got 3"),
+        (
+            [("*RST;*CLS;:SYST:ERR?", "hello")],
+            "expected a number, got 'hello'; check the cable, and that it is a Keithley DAQ6510",
+        ),
     ],
 )
 def test_what_a_meter_answers_wrongly_is_one_clear_error(answers: list[tuple[str, str]], says: str) -> None:

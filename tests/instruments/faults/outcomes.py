@@ -50,6 +50,10 @@ LINK_OF: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "pulled cable, 0.1 s": (RECOVERED, STOPPED),
         "restart, 0.1 s": BOTH_STOP,
     },
+    "watlow_f4t_scpi": {**LINES, "refusal": NEITHER},
+    "keithley_daq6510": {**LINES, "refusal": NEITHER},
+    "keysight_34970a": {**LINES, "refusal": NEITHER},
+    "keysight_daq970a": {**LINES, "refusal": NEITHER},
     "labjack_t7": {"CRC error": NEITHER, "restart, 0.1 s": BOTH_STOP},
 }
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from benchctl_instruments.catalog import counts_encoder
 from benchctl_instruments.links.modbus import Retry
 from benchctl_instruments.links.tcp import Reconnect
 
@@ -33,6 +34,11 @@ class Row:
     def __str__(self) -> str:
         return self.model
 
+    @property
+    def is_slow(self) -> bool:
+        """Whether it is a digitizer without an encoder: it has no stream of packets, and does not see what is stuck."""
+        return self.kind == "digitizer" and not counts_encoder(self.model)
+
 
 RTU = {**MODBUS, "pause_s": 0.0}
 
@@ -46,6 +52,14 @@ ROWS = (
     Row(model="espec_p300", kind="chamber", asks=r"^TEMP\?", tells="^TEMP, S-20", options=LINES, like="acutrol3000"),
     Row(model="weiss_simserv", kind="chamber", asks="^11004", tells=r"^11001.*\.0$", options=LINES, like="acutrol3000"),
     Row(model="weiss_ascii2", kind="chamber", asks=r"^\$01I", tells=r"^\$01E -020", options=LINES, like="acutrol3000"),
+    Row(
+        model="watlow_f4t_scpi",
+        kind="chamber",
+        asks=r"PVALUE\?",
+        tells="SPOINT -20",
+        options=LINES,
+        like="acutrol3000",
+    ),
     Row(
         model="thermotron_3800", kind="chamber", asks=r"^PVAR1\?", tells="^SETP1,-20", options=LINES, like="acutrol3000"
     ),
@@ -68,6 +82,16 @@ ROWS = (
         asks="^03 00 00",
         tells="^10 0f a2",
         options={"timeout_s": TIMEOUT_S, "fastest_counts_per_s": 1e6},
+    ),
+    Row(model="keithley_daq6510", kind="digitizer", asks="^TRAC:ACT", tells="^ABOR;:TRAC:CLE", options=LINES),
+    Row(model="keysight_34970a", kind="digitizer", asks="^DATA:POIN", tells="^ABOR;:INIT", options=LINES),
+    Row(
+        model="keysight_daq970a",
+        kind="digitizer",
+        asks="^DATA:POIN",
+        tells="^ABOR;:INIT",
+        options=LINES,
+        like="keysight_34970a",
     ),
 )
 

@@ -32,10 +32,14 @@ LINK_CELLS = [pytest.param(row, fault, id=f"{row}-{fault}", marks=_marks(row)) f
 MACHINE_CELLS = [
     pytest.param(row, fault, id=f"{row}-{fault}", marks=_marks(row))
     for row in ROWS
+    if not row.is_slow
     for fault in kinds.MACHINE[row.kind]
 ]
 STREAM_CELLS = [
-    pytest.param(row, fault, id=f"{row}-{fault}") for row in ROWS if row.kind == "digitizer" for fault in kinds.STREAM
+    pytest.param(row, fault, id=f"{row}-{fault}")
+    for row in ROWS
+    if row.kind == "digitizer" and not row.is_slow
+    for fault in kinds.STREAM
 ]
 
 
