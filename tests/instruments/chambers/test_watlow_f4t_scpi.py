@@ -86,7 +86,7 @@ def test_a_profile_is_refused_and_a_chamber_that_stopped_is_an_alarm(
     twin.controller.profile = "IDLE"
     chamber.start()
     machine.on = False
-    assert chamber.read().alarms == ("conditioning is off although it was switched on: the chamber's panel says why",)
+    assert chamber.read().alarms == ("conditioning is off although it was switched on: the chamber's panel shows why",)
 
 
 def test_a_controller_in_fahrenheit_is_refused_when_it_is_opened(twin: SimulatedWatlowF4TScpi) -> None:

@@ -83,5 +83,5 @@ def test_the_walk_stands_still_while_no_time_passes() -> None:
 def test_the_walk_cannot_be_asked_backwards() -> None:
     walk = RandomWalk(SEED, 1.0)
     walk.at(np.array([4.0]))
-    with pytest.raises(UsageError, match=r"asked for at 3\.9.* after 4\.0"):
+    with pytest.raises(UsageError, match=r"requested at 3\.9.* after 4\.0"):
         walk.at(np.array([3.9, 5.0]))
