@@ -220,7 +220,7 @@ def test_a_bench_of_ones_own(folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
     crash(folder, crashed)
     run(folder, "your_bench", 2)
     assert (crashed / "coefficients.json").is_file()
-    (notify,) = handbook("your_bench", "toml")
+    (notify,) = (block for block in handbook("your_bench", "toml") if block.text.startswith("[notify]"))
     bench = folder / "lab" / "bench.toml"
     with receiving() as (port, received):
         monkeypatch.setenv("BENCH_CHAT", f"json://127.0.0.1:{port}")

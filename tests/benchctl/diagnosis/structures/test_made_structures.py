@@ -71,6 +71,7 @@ def test_a_bias_of_the_last_direction_is_found_where_the_table_stopped_out_of_si
     assert any("which way the table turned last" in note for note in told.notes)
 
 
+@pytest.mark.long
 def test_beside_an_exponential_of_the_temperature_rate_nothing_is_told_that_the_error_of_this_rate_leaves(
     tmp_path: Path,
 ) -> None:
