@@ -43,7 +43,8 @@ class Readers:
         future: asyncio.Future[T] = loop.create_future()
         try:
             self._jobs.put_nowait((loop, future, job))
-            return await asyncio.wait_for(future, self._within_s)
+            async with asyncio.timeout(self._within_s):  # Python 3.11's wait_for may swallow a cancellation
+                return await future
         except (queue.Full, TimeoutError) as err:
             raise RefusalError(503, "too many requests at once; try again in a moment", {"retry-after": "2"}) from err
 

@@ -63,3 +63,23 @@ def test_a_job_that_never_ends_does_not_keep_the_loop_from_ending() -> None:
     began_s = time.monotonic()
     asyncio.run(ask())
     assert time.monotonic() - began_s < 5.0
+
+
+def test_a_cancellation_is_not_lost_when_the_result_arrives_at_the_same_moment() -> None:
+    release, begun = threading.Event(), threading.Event()
+
+    def job() -> bool:
+        begun.set()
+        return release.wait()
+
+    async def ask() -> None:
+        readers = Readers("test", threads=1, waiting=1)
+        task = asyncio.create_task(readers.run(job))
+        await asyncio.to_thread(begun.wait)
+        release.set()
+        time.sleep(0.2)  # the loop is busy: the result waits in its queue, before the cancellation
+        asyncio.get_running_loop().call_soon(task.cancel)
+        with pytest.raises(asyncio.CancelledError):
+            await task
+
+    asyncio.run(ask())
