@@ -233,7 +233,7 @@ class GyroBlock:
     """Samples of a digital gyro, oldest first; every array has shape (n,), but `rates_dps` (n, 3).
 
     `sequence` counts samples from the start of the stream, including lost ones: by the gyro's own clock, sample i was
-    measured at sequence[i] / rate_hz. `rate_dps` is about the one axis that the driver was told to read. `rates_dps`
+    measured at sequence[i] / rate_hz. `rate_dps` is about the one axis that the driver is set to read. `rates_dps`
     are those about the gyro's axes x, y and z; NaN: that axis has no valid sample. `status` is as reported, `valid` is
     whether it marks the sample of the one axis as good, and `faults` are the texts of all faults within the block.
     `counts` are those of the entire stream. The gyro's own numbers repeat after `wrap` samples.

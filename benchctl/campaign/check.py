@@ -114,11 +114,8 @@ def _beyond(step: Step, bench: Bench, sinusoids: bool) -> Iterator[str]:
             )
     if isinstance(step, Mount) and step.position in AXIS_POSITIONS and (bench.gyro is None or bench.gyro.axes != 3):
         yield "turns a unit of three axes, and the bench has none; state axes = 3 in the table [gyro] of bench.toml"
-    rate_hz = bench.digitizer.sample_rate_hz
     if not isinstance(step, Polled):
         yield from _beyond_digitizer(step, bench)
-    if not isinstance(step, Polled) and round(step.streamed_s * rate_hz) == 0:
-        yield f"is too short for a single sample at {rate_hz:g} Hz; make it longer"
     if isinstance(step, ThermalRamp) and step.ramp_c_per_min > limits.ramp_c_per_min:
         yield (
             f"ramps at {step.ramp_c_per_min:g} °C/min, the bench's limit is {limits.ramp_c_per_min:g} °C/min "
@@ -140,6 +137,8 @@ def _beyond_digitizer(step: Step, bench: Bench) -> Iterator[str]:
         )
     if not counts_encoder(model) and bench.by_hand:
         yield f"turns by hand, measured by the encoder, and the bench's digitizer, {model}, counts none; take another"
+    if round(step.streamed_s * rate_hz) == 0:
+        yield f"is too short for a single sample at {rate_hz:g} Hz; make it longer"
 
 
 def _temperatures(step: Step) -> tuple[float, ...]:

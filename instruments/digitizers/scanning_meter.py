@@ -232,7 +232,7 @@ class ScanningMeter(Instrument, ABC):
         while self._scans():
             if time.monotonic() - asked_s > STOP_S:
                 raise InstrumentError(
-                    f"{self._who}: told to stop its scan, it still scans after {STOP_S:g} s; switch it off and on"
+                    f"{self._who}: commanded to stop its scan, it still scans after {STOP_S:g} s; switch it off and on"
                 )
 
     def _receive(self, interval_s: float) -> bool:

@@ -36,8 +36,8 @@ class DigitalGyro(Startable, ABC):
     """A gyro at `address` that sends frames, from `start()` to `stop()`, or in a `with`.
 
     A frame is due when a line of `baud` would have carried its last byte. Its instants are equidistant on the bench's
-    clock; late frames are sent late. Frames that the line does not accept are lost, and so are those that are still due
-    after a leap of the clock, as in a soak in which nobody reads.
+    clock; late frames are sent late. Frames that the line does not accept are lost. If the clock jumps by more than
+    10 s, as in a soak without a reader, the older frames are lost, too.
 
     Parameters
     ----------

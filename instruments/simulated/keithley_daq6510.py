@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.protocols import scpi
 from benchctl_instruments.protocols.lines import parse_number
 from benchctl_instruments.simulated.scanning_meter import (
@@ -163,10 +162,6 @@ class _Meter(SimulatedMeter):
         if not found or any(channel not in CHANNELS for channel in found):
             raise RefusedError(*OUT_OF_RANGE)
         return found
-
-    def _known(self, word: str, words: tuple[str, ...]) -> None:
-        if word.upper() not in words:
-            raise InstrumentError(f"expected one of {words}, got {word!r}")
 
 
 def _number(value: float) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 
-from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.protocols import scpi
 from benchctl_instruments.protocols.lines import parse_number
 from benchctl_instruments.simulated.scanning_meter import (
@@ -46,7 +45,7 @@ class SimulatedMeter34970A(SimulatedMeter):
             "CONFigure:VOLTage[:DC]": self._configure_volts,
             "CONFigure:TEMPerature": self._configure_temperature,
             "MEASure:VOLTage[:DC]?": self._measure,
-            "UNIT:TEMPerature": lambda unit, channels="": _known(unit, ("C", "F", "K")),
+            "UNIT:TEMPerature": lambda unit, channels="": self._known(unit, ("C", "F", "K")),
             "ROUTe:SCAN": self._set_scan,
             "ROUTe:SCAN?": self._scan_block,
             "ROUTe:SCAN:SIZE?": lambda: f"{len(self._channels):+d}",
@@ -61,7 +60,7 @@ class SimulatedMeter34970A(SimulatedMeter):
             "[SENSe:]VOLTage[:DC]:NPLCycles?": self._nplc_of,
             "ROUTe:OPEN": lambda channels: None,
             "FORMat:READing:TIME": lambda state: setattr(self, "_with_time", state.upper() in ("ON", "1")),
-            "FORMat:READing:TIME:TYPE": lambda kind: _known(kind, ("REL", "RELATIVE")),
+            "FORMat:READing:TIME:TYPE": lambda kind: self._known(kind, ("REL", "RELATIVE")),
             "FORMat:READing:CHANnel": lambda state: setattr(self, "_with_channel", state.upper() in ("ON", "1")),
             "READ?": self._read,
             "FETCh?": self._fetch,
@@ -119,7 +118,7 @@ class SimulatedMeter34970A(SimulatedMeter):
         self._nplc |= dict.fromkeys(listed, 1.0)
 
     def _configure_temperature(self, transducer: str, kind: str, *more: str) -> None:
-        _known(transducer, TRANSDUCERS)
+        self._known(transducer, TRANSDUCERS)
         listed = self._listed(more[-1] if more else "")
         self._function |= dict.fromkeys(listed, f"TEMP {transducer},{kind}")
         self._nplc |= dict.fromkeys(listed, 1.0)
@@ -145,7 +144,7 @@ class SimulatedMeter34970A(SimulatedMeter):
         return f"#{len(str(len(listed)))}{len(listed)}{listed}"
 
     def _set_source(self, source: str) -> None:
-        _known(source[:3], ("IMM", "BUS", "EXT", "TIM"))
+        self._known(source[:3], ("IMM", "BUS", "EXT", "TIM"))
         self._source = source[:3].upper()
 
     def _set_count(self, count: str) -> None:
@@ -156,11 +155,6 @@ class SimulatedMeter34970A(SimulatedMeter):
         if any(channel not in CHANNELS for channel in found):
             raise RefusedError(*OUT_OF_RANGE)
         return found
-
-
-def _known(word: str, words: tuple[str, ...]) -> None:
-    if word.upper() not in words:
-        raise InstrumentError(f"expected one of {words}, got {word!r}")
 
 
 def _number(value: float) -> str:

@@ -205,6 +205,10 @@ class SimulatedMeter(ABC):
             raise RefusedError(*OUT_OF_RANGE)
         store.update(dict.fromkeys(scpi.parse_channels(channels), value))
 
+    def _known(self, word: str, words: tuple[str, ...]) -> None:
+        if word.upper() not in words:
+            raise InstrumentError(f"expected one of {words}, got {word!r}")
+
     @abstractmethod
     def _own_handlers(self) -> dict[str, Handler]:
         """Return the commands of the model, as written in manuals."""

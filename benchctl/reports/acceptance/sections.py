@@ -208,17 +208,17 @@ def _result(judged: Judged, words: Catalogue) -> tuple[Row, ...]:
 def _conditions(measured: Measured, infos: Mapping[int, StepInfo], words: Catalogue) -> str:
     """Describe procedure, temperature and steps; over several set points the range of temperatures."""
     used = [infos[index] for index in measured.steps if index in infos]
-    told = [PROCEDURES.get(measured.name, "")]
+    parts = [PROCEDURES.get(measured.name, "")]
     points_c = {info.chamber_setpoint_c for info in used if math.isfinite(info.chamber_setpoint_c)}
     if len(points_c) > 1:
-        told.append(set_points(points_c, words))
+        parts.append(set_points(points_c, words))
     elif measured.temperature_c is not None:
         celsius = words.number(f"{measured.temperature_c:.1f}".replace("-", "−"))
-        told.append(words.label("unit_at", temperature=text.with_unit(celsius, "°C")))
+        parts.append(words.label("unit_at", temperature=text.with_unit(celsius, "°C")))
     if used:
         length_s = math.fsum(info.t_end - info.t_start for info in used)
-        told += [*_groups(used, words), words.label("recorded_for", duration=duration(length_s, words))]
-    return "; ".join(one for one in told if one)
+        parts += [*_groups(used, words), words.label("recorded_for", duration=duration(length_s, words))]
+    return "; ".join(one for one in parts if one)
 
 
 def _groups(used: Sequence[StepInfo], words: Catalogue) -> list[str]:
