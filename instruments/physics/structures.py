@@ -258,13 +258,16 @@ def structure(
         "parameters": parameters,
         "__doc__": f"The {shape} of the {stage} over {over}.",
     }
-    fields: list[tuple[str, type] | tuple[str, type, object]] = [(name, float) for name in parameters]
-    if stage == "noise":
+    return type("Discovered", (_with_fields(tuple(parameters), stage == "noise"),), namespace)
+
+
+@lru_cache(maxsize=256)
+def _with_fields(names: tuple[str, ...], of_noise: bool) -> type[Structure]:
+    """Return a structure class with these parameters as fields; making a dataclass takes long."""
+    fields: list[tuple[str, type] | tuple[str, type, object]] = [(name, float) for name in names]
+    if of_noise:
         fields += [("noise_v_rms", float, field(default=5e-4)), ("seed", int, field(default=1))]
-    made = make_dataclass("Discovered", fields, bases=(Structure,), frozen=True, kw_only=True)
-    for name, value in namespace.items():
-        setattr(made, name, value)
-    return made
+    return make_dataclass("WithFields", fields, bases=(Structure,), frozen=True, kw_only=True)
 
 
 def on_the_other_side(effect: Structure) -> Structure | None:
