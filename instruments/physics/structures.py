@@ -295,9 +295,9 @@ def unmoved(effect: Structure, roles: tuple[Role, ...] = ("size", "shape")) -> S
 
 def freed(effect: Structure) -> Structure:
     """Return the structure with all parameters free that `unmoved` has fixed."""
-    kind = type(effect)
-    while kind.__base__ is not None and kind.__base__ is not Structure:
-        kind = kind.__base__
+    kind: type[Structure] = type(effect)
+    while "identifier" not in vars(kind):  # a subclass made by `unmoved`
+        kind = next(base for base in kind.__bases__ if issubclass(base, Structure))
     return kind.make(effect.values)
 
 
