@@ -317,6 +317,8 @@ def apply(
 ) -> Compensated:
     """Compensate a recording: write the copy `output` with the compensated rate, the channel `compensated_dps`.
 
+    Of a unit of three axes, the channels are `frame_compensated_x_dps` and so on.
+
     `coefficients` is a file that `api.fit` wrote; `law` chooses its joint fit, the default if there is one, or its
     stages. The channel `compensated_valid` is 1 where rate and temperature are in the measured range.
 

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.atomic import refuse_existing, refuse_folder
+from benchctl.calibration.axes_compensation import AxesCompensation
 from benchctl.calibration.coefficients import By
-from benchctl.calibration.compensating import Applied, Compensation, read_compensation, write_compensated
+from benchctl.calibration.compensated_file import Applied, write_compensated
+from benchctl.calibration.compensating import Compensation, read_compensation
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.import_open import OPEN_DESCRIPTION
 from benchctl.recordings.reader import open_recording
@@ -29,7 +31,7 @@ class Compensated:
 
     recording: Path
     coefficients: Path
-    compensation: Compensation
+    compensation: Compensation | AxesCompensation
     applied: Applied
 
     def values(self) -> dict[str, Any]:
@@ -42,16 +44,13 @@ class Compensated:
             "outside": self.applied.outside,
             "outside_most": {"rate_dps": self.applied.most_dps, "temperature_c": self.applied.most_c},
             "steps_without_temperature": list(self.applied.without),
-            "delay_s": self.compensation.law.delay_s,
+            "delay_s": self.compensation.delay_s,
         }
 
     def __str__(self) -> str:
-        law, applied = self.compensation.law, self.applied
-        lines = [
-            f"{self.recording}: {applied.samples:,} samples compensated, law {law.name} of the "
-            f"{'joint fit' if self.compensation.by == 'joint' else 'stages'}; a rate belongs to its stamp less "
-            f"{1e3 * law.delay_s:.4g} ms"
-        ]
+        delay_s, applied = self.compensation.delay_s, self.applied
+        behind = "" if delay_s is None else f"; a rate belongs to its stamp less {1e3 * delay_s:.4g} ms"
+        lines = [f"{self.recording}: {applied.samples:,} samples compensated, {self.compensation.words}{behind}"]
         if applied.outside:
             lines.append(
                 f"note: {applied.outside:,} samples lie where the coefficients were not measured, by up to "
@@ -68,7 +67,8 @@ class Compensated:
 def compensate(path: Path, coefficients: Path, output: Path, *, law: By | None = None) -> Compensated:
     """Write a copy of a recording with the compensated rate in an additional channel.
 
-    The channel is `compensated_dps`; of a digital gyro's frames, `frame_compensated_dps`.
+    The channel is `compensated_dps`; of a digital gyro's frames, `frame_compensated_dps`; of a unit of three axes,
+    `frame_compensated_x_dps`, `frame_compensated_y_dps` and `frame_compensated_z_dps`.
 
     `law` chooses that of the `coefficients`, by default the joint fit's, if there is one.
 
@@ -91,7 +91,7 @@ def compensate(path: Path, coefficients: Path, output: Path, *, law: By | None =
     return Compensated(recording=output, coefficients=coefficients, compensation=compensation, applied=applied)
 
 
-def own_compensation(source: Path) -> Compensation:
+def own_compensation(source: Path) -> Compensation | AxesCompensation:
     """Return the compensation in a coefficients file, or the one in a recording's folder.
 
     Raises

@@ -1,8 +1,8 @@
 """`benchctl export --to c-header`: the compensation as one C99 header for the firmware that reads the gyro.
 
 It needs only `<math.h>`, compiles as C++ too, and depends only on the bytes of the coefficients: the same file gives
-the same header. Its template is `c_header.h.j2`. The operations are those of `AppliedLaw.rate_dps`, in the same order,
-and `gyro_self_test` checks on the target that the rates agree.
+the same header. Its template is `c_header.h.j2`; `c_three_axes.h.j2` is the part for three axes. The operations are
+those of `AppliedLaw.rate_dps`, in the same order, and `gyro_self_test` checks on the target that the rates agree.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from benchctl.atomic import whole_file
+from benchctl.calibration.axes_compensation import AxesCompensation
 from benchctl.calibration.c_structures import c_structures
 from benchctl.calibration.compensating import Compensation, self_test_points, tolerance_dps
 from benchctl.calibration.discovered import CONVERGED as CONVERGED_RATE
@@ -137,7 +138,7 @@ def _of_stage(compensation: Compensation, index: int) -> Iterator[Constant]:
 
 
 def _limits(compensation: Compensation) -> Iterator[Constant]:
-    law, valid = compensation.law, compensation.valid
+    law = compensation.law
     if law.name == "response" and law.stages[0].k_omega:
         end, most = reach(law.stages[0].k_omega)
         yield Constant(
@@ -152,6 +153,25 @@ def _limits(compensation: Compensation) -> Iterator[Constant]:
         comment="s, output behind motion",
         expanded=compensation.expanded.get("delay_s"),
     )
+    yield from _of_use(compensation)
+
+
+def axes_constants(compensation: AxesCompensation) -> Iterator[Constant]:
+    """Yield the same for three axes: `GYRO_MATRIX_XY` is the output x for a rate about y; then those per °C."""
+    yield Constant(name="GYRO_T0_C", value=compensation.T0_c, comment="degC, dT counts from here")
+    for law, suffix, per in ((compensation.at_T0, "", ""), (compensation.per_c, "_per_c", "/degC")):
+        for name, value, unit in law.numbers():
+            yield Constant(
+                name=f"GYRO_{name}{suffix}".upper(),
+                value=value,
+                comment=f"{unit}{per}",
+                expanded=compensation.expanded.get(f"{name}{suffix}"),
+            )
+    yield from _of_use(compensation)
+
+
+def _of_use(compensation: Compensation | AxesCompensation) -> Iterator[Constant]:
+    valid = compensation.valid
     slowest, fastest = valid.rate_dps
     yield Constant(name="GYRO_VALID_RATE_MIN_DPS", value=slowest, comment="deg/s, measured from here")
     yield Constant(name="GYRO_VALID_RATE_MAX_DPS", value=fastest, comment="deg/s, measured to here")
@@ -169,21 +189,14 @@ _FORMULAS = {
 }
 
 
-def c_header(compensation: Compensation) -> str:
+def c_header(compensation: Compensation | AxesCompensation) -> str:
     """Return the text of the header.
 
     Raises
     ------
     UsageError
-        If the output is not in volts, or the law has no output for a rate in `valid`.
+        If the output of one axis is not in volts, or the law has no output for a rate in `valid`.
     """
-    if compensation.output_unit != "V":
-        raise UsageError(
-            f"these coefficients are of an output in {compensation.output_unit}, expected V for a "
-            "C header; export --to json"
-        )
-    law = compensation.law
-    stages = [stage_names(law, index) for index in range(len(law.stages))]
     environment = Environment(
         loader=PackageLoader("benchctl.calibration", ""),
         autoescape=False,  # noqa: S701 - C, whose texts the filters make harmless
@@ -198,17 +211,35 @@ def c_header(compensation: Compensation) -> str:
         "number": number,
         "polynomial": polynomial,
     }
+    valid = compensation.valid
+    common = {
+        "compensation": compensation,
+        "temperature_known": all(math.isfinite(end) for end in valid.temperature_c),
+        "tolerance_dps": tolerance_dps(valid),
+    }
+    if isinstance(compensation, AxesCompensation):
+        return environment.get_template("c_three_axes.h.j2").render(
+            inputs="three stated rates",
+            constants=list(axes_constants(compensation)),
+            points=compensation.self_test_points(),
+            **common,
+        )
+    if compensation.output_unit != "V":
+        raise UsageError(
+            f"these coefficients are of an output in {compensation.output_unit}, expected V for a "
+            "C header; export --to json"
+        )
+    law = compensation.law
+    stages = [stage_names(law, index) for index in range(len(law.stages))]
     return environment.get_template("c_header.h.j2").render(
-        compensation=compensation,
+        inputs="volts",
         law=law,
         formula=_FORMULAS[law.name],
         constants=list(constants(compensation)),
         stages=stages,
         slopes=[f"{2 * i + 3}.0 * {name}" for i, name in enumerate(stages[0].k_omega)],
         bias=[f"GYRO_U0_T{i + 1}_V_PER_C{i + 1}" for i in range(len(law.bias))],
-        temperature_known=all(math.isfinite(end) for end in compensation.valid.temperature_c),
         points=self_test_points(compensation),
-        tolerance_dps=tolerance_dps(compensation),
         STEEPEST=STEEPEST,
         FLATTEST=FLATTEST,
         CONVERGED=CONVERGED,
@@ -219,10 +250,11 @@ def c_header(compensation: Compensation) -> str:
         FEWEST_TURNS=FEWEST_TURNS,
         CONVERGED_RATE=CONVERGED_RATE,
         LEAST_TURNING_DPS=LEAST_TURNING_DPS,
+        **common,
     )
 
 
-def export_c_header(compensation: Compensation, path: Path) -> None:
+def export_c_header(compensation: Compensation | AxesCompensation, path: Path) -> None:
     """Write the header atomically; raise `UsageError` if the law is not suitable or the disk cannot be written."""
     text = c_header(compensation)
     with whole_file(path) as temporary:

@@ -24,11 +24,12 @@ Every number of the law in a file is validated.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -37,11 +38,19 @@ from benchctl.atomic import whole_file
 from benchctl.calibration.discovered import discovered_in
 from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl.calibration.model import AppliedLaw, Factors
-from benchctl.calibration.result import CalibrationResult, FittedParameter, JointFit, LawName, PolynomialFactor, Stage
+from benchctl.calibration.result import (
+    CalibrationResult,
+    FittedParameter,
+    JointFit,
+    LawName,
+    PolynomialFactor,
+    Stage,
+    ValidRange,
+)
 from benchctl.calibration.static_points_fit import PointsFit, StaticPointsResult
 from benchctl.calibration.uncertainty import LEVEL, coverage_factor
 from benchctl.documents import json_values, read_json
-from benchctl.limits import listed
+from benchctl.limits import listed, shown
 from benchctl.recordings.import_open import first_fault
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
@@ -54,6 +63,8 @@ _MOST_SOURCES = 1000
 _TERM = re.compile(r"([abcg])(\d{1,2})")
 
 _Terms = Annotated[list[float], Field(max_length=_MOST_TERMS)]
+_Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+_Matrix = Annotated[list[_Vector], Field(min_length=3, max_length=3)]
 
 
 class _Part(BaseModel):
@@ -123,12 +134,49 @@ class Coefficients(_Part):
     discovered: _Discovered | None = None
 
 
-def checked(content: Mapping[str, Any], where: str) -> Coefficients:
+class AxesCoefficients(_Part):
+    """The same of a unit of three axes."""
+
+    unit: str | None = None
+    T0_c: float
+    matrix: _Matrix
+    bias_dps: _Vector
+    matrix_per_c: _Matrix = [[0.0] * 3] * 3
+    bias_dps_per_c: _Vector = [0.0] * 3
+    valid: _Valid | None = None
+    uncertainty: _Uncertainty = _Uncertainty()
+    source: Annotated[list[_Source], Field(max_length=_MOST_SOURCES)] = []
+
+
+_Checked = TypeVar("_Checked", bound=_Part)
+
+
+def checked_as(model: type[_Checked], content: Mapping[str, Any], where: str) -> _Checked:
     """Validate the types of the content; raise a `UsageError` that begins with `where` if they are wrong."""
     try:
-        return Coefficients.model_validate(content)
+        return model.model_validate(content)
     except ValidationError as err:
         raise UsageError(f"{where}: {first_fault(err)}; write it with `benchctl fit`") from err
+
+
+def checked(content: Mapping[str, Any], where: str) -> Coefficients:
+    """Do the same for coefficients of one axis."""
+    return checked_as(Coefficients, content, where)
+
+
+def valid_range(found: Coefficients | AxesCoefficients) -> ValidRange:
+    """Return the measured range; a temperature that is not recorded has no bounds. `UsageError` if there is none."""
+    if found.valid is None:
+        raise UsageError("does not say where it is valid (`valid`); write it with `benchctl fit`")
+    slowest, fastest = found.valid.rate_dps
+    low, high = found.valid.temperature_c
+    coldest, warmest = -math.inf if low is None else low, math.inf if high is None else high
+    if not (slowest < fastest and coldest <= warmest):
+        raise UsageError(
+            f"`valid` is {shown([slowest, fastest])} deg/s and {shown([low, high])} °C, expected the lower end "
+            "first; write it with `benchctl fit`"
+        )
+    return ValidRange(rate_dps=(slowest, fastest), temperature_c=(coldest, warmest))
 
 
 def applied_law(found: Coefficients, by: By) -> AppliedLaw:
@@ -266,15 +314,18 @@ def write_coefficients(path: Path, content: Mapping[str, Any]) -> None:
 def read_coefficients(path: Path) -> dict[str, Any]:
     """Read a file of coefficients, and check that of one axis; raise `UsageError` in one line if it cannot be used."""
     content = read_json(path, "coefficients")
-    if isinstance(content, dict) and content.get("schema") == THREE_AXES_SCHEMA:
-        return content
+    if is_of_three_axes(content):
+        return dict(content)
     return coefficients_in(content, path)
+
+
+def is_of_three_axes(content: Any) -> bool:
+    """Return whether the content of a file of coefficients is that of a unit of three axes."""
+    return isinstance(content, dict) and content.get("schema") == THREE_AXES_SCHEMA
 
 
 def coefficients_in(content: Any, path: Path) -> dict[str, Any]:
     """Check and return the content of a file of coefficients; `path` is its name in a `UsageError`."""
-    if isinstance(content, dict) and content.get("schema") == THREE_AXES_SCHEMA:
-        raise UsageError(f"{path}: is of a unit of three axes, expected coefficients of one; fit a run of one axis")
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
         raise UsageError(f"{path}: expected schema {SCHEMA!r}, found {found!r}; write it with `benchctl fit`")

@@ -1,6 +1,6 @@
-"""A `coefficients.json` ready for use: its law, its valid range, its unit; applied to files and exported.
+"""A `coefficients.json` ready for use: its law, its valid range, its unit; exported.
 
-`benchctl apply` copies a recording and adds the compensated rate. `benchctl export --to json` writes the compensation
+`benchctl export --to json` writes the compensation
 for programs that read JSON, without the details of the fit:
 
 | key | content |
@@ -31,33 +31,31 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchctl.atomic import whole_file
-from benchctl.calibration.coefficients import By, Coefficients, applied_law, checked, coefficients_in, is_of_law
+from benchctl.calibration.axes_compensation import AxesCompensation, axes_compensation
+from benchctl.calibration.coefficients import (
+    By,
+    Coefficients,
+    applied_law,
+    checked,
+    coefficients_in,
+    is_of_law,
+    is_of_three_axes,
+    valid_range,
+)
 from benchctl.calibration.discovered import Discovered
 from benchctl.calibration.model import AppliedLaw
 from benchctl.calibration.result import ValidRange
 from benchctl.documents import json_document
-from benchctl.limits import MOST_DESCRIPTION_BYTES, read_whole, shown
-from benchctl.recordings.model import (
-    COMPENSATED,
-    COMPENSATED_VALID,
-    FRAME_CHANNELS,
-    FRAME_COMPENSATED,
-    FRAME_COMPENSATED_VALID,
-    Meta,
-    Step,
-    axis_of,
-)
-from benchctl.recordings.reader import Recording
-from benchctl.recordings.writer import write_recording
-from benchctl_instruments.arrays import BoolArray, FloatArray
+from benchctl.limits import MOST_DESCRIPTION_BYTES, read_whole
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.structure_shapes import SHAPES
 
@@ -98,15 +96,25 @@ class Compensation:
     error_percent: float | None
     earth_rate_dps: float
 
-    def inside(self, rate_dps: FloatArray, celsius: FloatArray) -> BoolArray:
-        """Return whether rate and temperature, arrays of one shape, are within the measured range."""
-        (slowest, fastest), (coldest, warmest) = self.valid.rate_dps, self.valid.temperature_c
-        within = (rate_dps >= slowest) & (rate_dps <= fastest) & (celsius >= coldest) & (celsius <= warmest)
-        return np.asarray(within)
+    @property
+    def words(self) -> str:
+        """Name the law for people."""
+        return f"law {self.law.name} of the {'joint fit' if self.by == 'joint' else 'stages'}"
+
+    @property
+    def delay_s(self) -> float | None:
+        """A rate belongs to its output's time minus this."""
+        return self.law.delay_s
+
+    def rates_dps(self, outputs: FloatArray, celsius: FloatArray) -> FloatArray:
+        """Return the rates, shape (1, n), for outputs, shape (1, n), at temperatures (n,)."""
+        return self.law.rate_dps(outputs[0], celsius)[np.newaxis]
 
 
-def read_compensation(path: Path, by: By | None = None) -> Compensation:
+def read_compensation(path: Path, by: By | None = None) -> Compensation | AxesCompensation:
     """Read coefficients for use: by the joint fit or the stages; None: by the joint fit if there is one.
+
+    Those of three axes have only one law.
 
     Raises
     ------
@@ -114,11 +122,16 @@ def read_compensation(path: Path, by: By | None = None) -> Compensation:
         If the file cannot be read or used, has no such law, or does not state its valid range.
     """
     text = read_whole(path, MOST_DESCRIPTION_BYTES, "coefficients ")
-    found = checked(coefficients_in(json_document(text, f"coefficients {path}"), path), str(path))
+    content, sha256 = json_document(text, f"coefficients {path}"), hashlib.sha256(text).hexdigest()
+    if is_of_three_axes(content):
+        if by is not None:
+            raise UsageError(f"{path}: coefficients of three axes have one law; leave out the choice of {by!r}")
+        return axes_compensation(content, path, sha256)
+    found = checked(coefficients_in(content, path), str(path))
     if by is None:
         by = "stages" if found.joint is None else "joint"
     try:
-        return _compensation(found, by, hashlib.sha256(text).hexdigest())
+        return _compensation(found, by, sha256)
     except UsageError as err:
         raise UsageError(f"{path}: {err}") from err
 
@@ -130,7 +143,7 @@ def _compensation(found: Coefficients, by: By, sha256: str) -> Compensation:
     return Compensation(
         law=law,
         by=by,
-        valid=_valid(found),
+        valid=valid_range(found),
         unit=found.unit or "",
         output_unit=found.output_unit,
         sha256=sha256,
@@ -144,20 +157,6 @@ def _compensation(found: Coefficients, by: By, sha256: str) -> Compensation:
         error_percent=next((found.error_percent[name] for name in levels if name in found.error_percent), None),
         earth_rate_dps=found.earth_rate_dps,
     )
-
-
-def _valid(found: Coefficients) -> ValidRange:
-    if found.valid is None:
-        raise UsageError("does not say where it is valid (`valid`); write it with `benchctl fit`")
-    slowest, fastest = found.valid.rate_dps
-    low, high = found.valid.temperature_c
-    coldest, warmest = -math.inf if low is None else low, math.inf if high is None else high
-    if not (slowest < fastest and coldest <= warmest):
-        raise UsageError(
-            f"`valid` is {shown([slowest, fastest])} deg/s and {shown([low, high])} °C, expected the lower end "
-            "first; write it with `benchctl fit`"
-        )
-    return ValidRange(rate_dps=(slowest, fastest), temperature_c=(coldest, warmest))
 
 
 TOLERANCE = 1e-9
@@ -179,9 +178,9 @@ class SelfTestPoint:
     rate_dps: float
 
 
-def tolerance_dps(compensation: Compensation) -> float:
+def tolerance_dps(valid: ValidRange) -> float:
     """Return the tolerance of a self-test point, °/s."""
-    return TOLERANCE * max(map(abs, compensation.valid.rate_dps))
+    return TOLERANCE * max(map(abs, valid.rate_dps))
 
 
 def self_test_points(compensation: Compensation) -> list[SelfTestPoint]:
@@ -210,139 +209,6 @@ def self_test_points(compensation: Compensation) -> list[SelfTestPoint]:
     return [SelfTestPoint(*map(float, point)) for point in zip(volts, celsius, given, strict=True)]
 
 
-@dataclass(frozen=True, slots=True)
-class _Channels:
-    """The channels of an output, its temperature and its status (0: valid; "": none), and those of the result."""
-
-    output: str
-    celsius: str
-    status: str
-    rate: str
-    valid: str
-
-
-_OF_SCANS = _Channels("gyro_v", "gyro_temp_c", "", COMPENSATED, COMPENSATED_VALID)
-_OF_FRAMES = _Channels(*FRAME_CHANNELS[1:], FRAME_COMPENSATED, FRAME_COMPENSATED_VALID)
-
-
-@dataclass(slots=True)
-class Applied:
-    """The result of the compensation of a recording.
-
-    `samples` have a rate or NaN, of which `outside` have a rate or a temperature outside the measured range, by at most
-    `most_dps` and `most_c`; `without` lists the steps that have an output but no temperature.
-    """
-
-    samples: int = 0
-    outside: int = 0
-    most_dps: float = 0.0
-    most_c: float = 0.0
-    without: tuple[int, ...] = ()
-
-
-def write_compensated(
-    path: Path, recording: Recording, compensation: Compensation, *, digest: str, coefficients: str
-) -> Applied:
-    """Write a copy of the recording with `compensated_dps` and `compensated_valid` in each step that can have them.
-
-    Coefficients of a rate are applied to a digital gyro's frames, if there are any: `frame_compensated_dps`,
-    `frame_compensated_valid`. Samples that the gyro states as invalid have no rate.
-
-    One step is in memory at a time. The provenance names the recording by its `digest`, and the file of coefficients
-    by its name and SHA-256. No sample is moved in time: `comment` of the channel states its delay.
-
-    Raises
-    ------
-    UsageError
-        If the coefficients are of another unit or output, the recording is already compensated, no step has an output
-        and a temperature, or the disk cannot be written. No partial file remains.
-    """
-    channels = {info.index: recording.channels(info.index) for info in recording.infos}
-    digital = compensation.output_unit == "deg/s" and any(_OF_FRAMES.output in names for names in channels.values())
-    _refuse_another(recording, compensation, "deg/s" if digital else recording.meta.output_unit)
-    own = _OF_FRAMES if digital else _OF_SCANS
-    if any(own.rate in names for names in channels.values()):
-        raise UsageError(
-            f"{recording.path}: has {own.rate} already; take the recording that it was made of, which its "
-            "provenance names"
-        )
-    if not any({own.output, own.celsius} <= set(names) for names in channels.values()):
-        raise UsageError(
-            f"{recording.path}: no step has {own.output} and {own.celsius}, sample by sample, and so nothing "
-            "to compensate; `benchctl show` lists its channels"
-        )
-    applied = Applied(
-        without=tuple(index for index, names in channels.items() if own.output in names and own.celsius not in names)
-    )
-    meta = _described(recording, compensation, own, digest, coefficients)
-    write_recording(path, meta, _compensated(recording, compensation, own, applied))
-    return applied
-
-
-def _refuse_another(recording: Recording, compensation: Compensation, output_unit: str) -> None:
-    serial = recording.meta.unit.serial
-    if serial and compensation.unit and serial != compensation.unit:
-        raise UsageError(
-            f"{recording.path}: is of unit {serial}, the coefficients are of unit {compensation.unit}; take those of "
-            "its own unit"
-        )
-    if output_unit != compensation.output_unit:
-        raise UsageError(
-            f"{recording.path}: its output is in {output_unit}, that of the coefficients in "
-            f"{compensation.output_unit}; take those that were fitted on such a recording"
-        )
-
-
-def _described(
-    recording: Recording, compensation: Compensation, own: _Channels, digest: str, coefficients: str
-) -> Meta:
-    meta, law, valid = recording.meta, compensation.law, compensation.valid
-    facts = {
-        "recording": recording.path.name,
-        "digest": digest,
-        "coefficients": coefficients,
-        "coefficients_sha256": compensation.sha256,
-        "law": compensation.by,
-        "delay_s": law.delay_s,
-    }
-    comments = {
-        own.rate: f"by coefficients with SHA-256 {compensation.sha256}, law {law.name} of the "
-        f"{'joint fit' if compensation.by == 'joint' else 'stages'}; the rate belongs to {axis_of(own.rate)} - "
-        f"{law.delay_s:.9g} s",
-        own.valid: f"the coefficients were measured from {valid.rate_dps[0]:.9g} to {valid.rate_dps[1]:.9g} "
-        f"degree/s and from {valid.temperature_c[0]:.9g} to {valid.temperature_c[1]:.9g} degC",
-    }
-    return replace(
-        meta,
-        provenance={**meta.provenance, "compensation": json.dumps(facts, ensure_ascii=False)},
-        extra={**meta.extra, "channel_comments": {**meta.extra.get("channel_comments", {}), **comments}},
-    )
-
-
-def _compensated(recording: Recording, compensation: Compensation, own: _Channels, applied: Applied) -> Iterator[Step]:
-    for step in recording.steps():
-        has_both = {own.output, own.celsius} <= set(step.channels)
-        yield _with_rate(step, compensation, own, applied) if has_both else step
-
-
-def _with_rate(step: Step, compensation: Compensation, own: _Channels, applied: Applied) -> Step:
-    celsius = step[own.celsius]
-    rate_dps = compensation.law.rate_dps(step[own.output], celsius)
-    if own.status:
-        rate_dps = np.where(step[own.status] == 0.0, rate_dps, np.nan)
-    inside = compensation.inside(rate_dps, celsius)
-    applied.samples += inside.size
-    applied.outside += int(np.count_nonzero(~inside))
-    applied.most_dps = max(applied.most_dps, _beyond(rate_dps, compensation.valid.rate_dps))
-    applied.most_c = max(applied.most_c, _beyond(celsius, compensation.valid.temperature_c))
-    return Step(step.info, {**step.channels, own.rate: rate_dps, own.valid: inside.astype(np.float64)})
-
-
-def _beyond(values: np.ndarray, ends: tuple[float, float]) -> float:
-    known = values[np.isfinite(values)]
-    return float(max(np.max(known, initial=ends[1]) - ends[1], ends[0] - np.min(known, initial=ends[0]), 0.0))
-
-
 SCHEMA = "benchctl-compensation/1"
 
 _INDICATED = "x = (U - U0_v - sum of U0_T[i] * dT**(i + 1)) / K0_v_per_dps with dT = T - T0_c"
@@ -358,8 +224,10 @@ FORMULAS = {
 """Law -> the formula of the rate for an output U at a temperature T [degC]."""
 
 
-def compensation_json(compensation: Compensation) -> dict[str, Any]:
-    """Return the content; raise `UsageError` if the law has no output for a rate in `valid`."""
+def compensation_json(compensation: Compensation | AxesCompensation) -> dict[str, Any]:
+    """Return the content; raise `UsageError` if the law has no output for a rate in `valid`, or is of three axes."""
+    if isinstance(compensation, AxesCompensation):
+        raise UsageError("coefficients of three axes: coefficients.json itself states `law` and its numbers; read that")
     law = compensation.law
     points = self_test_points(compensation)
     return {
@@ -389,7 +257,7 @@ def compensation_json(compensation: Compensation) -> dict[str, Any]:
         "self_test": {
             "columns": ["volts", "celsius", "rate_dps"],
             "points": [[point.volts, point.celsius, point.rate_dps] for point in points],
-            "tolerance_dps": tolerance_dps(compensation),
+            "tolerance_dps": tolerance_dps(compensation.valid),
         },
     }
 
@@ -409,7 +277,7 @@ def _written(discovered: Discovered) -> dict[str, Any]:
     return {"U0_v": discovered.U0_v, "structures": structures}
 
 
-def export_json(compensation: Compensation, path: Path) -> None:
+def export_json(compensation: Compensation | AxesCompensation, path: Path) -> None:
     """Write the file atomically; raise `UsageError` if the law is not suitable or the disk cannot be written."""
     text = json.dumps(compensation_json(compensation), indent=1, ensure_ascii=False, allow_nan=False)
     with whole_file(path) as temporary:

@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from benchctl.calibration.discovered import Discovered
 from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
@@ -273,6 +275,12 @@ class ValidRange:
 
     rate_dps: tuple[float, float]
     temperature_c: tuple[float, float]
+
+    def inside(self, rate_dps: FloatArray, celsius: FloatArray) -> BoolArray:
+        """Return whether rates and temperatures, of shapes that broadcast, are within the range."""
+        (slowest, fastest), (coldest, warmest) = self.rate_dps, self.temperature_c
+        within = (rate_dps >= slowest) & (rate_dps <= fastest) & (celsius >= coldest) & (celsius <= warmest)
+        return np.asarray(within)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

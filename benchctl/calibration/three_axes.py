@@ -53,6 +53,12 @@ class AxesLaw:
     matrix: FloatArray
     bias_dps: FloatArray
 
+    def numbers(self) -> Iterator[tuple[str, float, str]]:
+        """Yield name, value and unit of every number: `matrix_xy` is the output x for a rate about y."""
+        for output, row, bias_dps in zip(AXES, self.matrix, self.bias_dps, strict=True):
+            yield from ((f"matrix_{output}{about}", float(value), "1") for about, value in zip(AXES, row, strict=True))
+            yield f"bias_{output}_dps", float(bias_dps), "deg/s"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxesEstimate:
@@ -97,24 +103,13 @@ class ThreeAxesResult:
         return coverage_factor(self.dof)
 
     def parameters(self) -> Iterator[AxisParameter]:
-        """Yield every number: `matrix_xy` is the output x for a rate about y; then those per °C."""
+        """Yield every number of `AxesLaw.numbers`, then those per °C."""
         for estimate, suffix, per in ((self.at_T0, "", ""), (self.per_c, "_per_c", "/°C")):
             if estimate is None:
                 continue
-            for i, output in enumerate(AXES):
-                for j, about in enumerate(AXES):
-                    yield AxisParameter(
-                        name=f"matrix_{output}{about}{suffix}",
-                        value=float(estimate.value.matrix[i, j]),
-                        standard=float(estimate.standard.matrix[i, j]),
-                        unit=f"1{per}",
-                    )
-                yield AxisParameter(
-                    name=f"bias_{output}_dps{suffix}",
-                    value=float(estimate.value.bias_dps[i]),
-                    standard=float(estimate.standard.bias_dps[i]),
-                    unit=f"deg/s{per}",
-                )
+            both = zip(estimate.value.numbers(), estimate.standard.numbers(), strict=True)
+            for (name, value, unit), (_, standard, _) in both:
+                yield AxisParameter(name=f"{name}{suffix}", value=value, standard=standard, unit=f"{unit}{per}")
 
 
 def turned_steps(recording: Recording) -> list[int]:

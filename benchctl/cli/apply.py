@@ -28,7 +28,8 @@ def apply(
     """Compensate a recording: write a copy with the compensated rate in an additional channel, `compensated_dps`.
 
     A second channel, `compensated_valid`, is 1 where rate and temperature are in the range in which the coefficients
-    were measured. The original recording is not changed.
+    were measured. Of a unit of three axes, the channels are `frame_compensated_x_dps`, `frame_compensated_y_dps`,
+    `frame_compensated_z_dps` and `frame_compensated_valid`. The original recording is not changed.
 
     Example: `benchctl apply recording.h5 --coefficients coefficients.json`
     """

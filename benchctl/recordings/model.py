@@ -31,7 +31,10 @@ COMPENSATED, COMPENSATED_VALID = "compensated_dps", "compensated_valid"
 FRAME_COMPENSATED, FRAME_COMPENSATED_VALID = "frame_compensated_dps", "frame_compensated_valid"
 """The channels that `benchctl apply` adds to a step, at its scans or at a digital gyro's frames."""
 
-_ON_FRAMES = frozenset({*FRAME_CHANNELS, *AXIS_CHANNELS, FRAME_COMPENSATED, FRAME_COMPENSATED_VALID})
+AXIS_COMPENSATED = ("frame_compensated_x_dps", "frame_compensated_y_dps", "frame_compensated_z_dps")
+"""Those of a unit of three axes, with `frame_compensated_valid`."""
+
+_ON_FRAMES = frozenset({*FRAME_CHANNELS, *AXIS_CHANNELS, FRAME_COMPENSATED, FRAME_COMPENSATED_VALID, *AXIS_COMPENSATED})
 
 UNITS: Mapping[str, str] = {
     "time_s": "s",
@@ -48,7 +51,7 @@ UNITS: Mapping[str, str] = {
     "frame_rate_dps": "degree/s",
     "frame_temp_c": "degC",
     "frame_status": "1",
-    **dict.fromkeys(AXIS_CHANNELS, "degree/s"),
+    **dict.fromkeys((*AXIS_CHANNELS, *AXIS_COMPENSATED), "degree/s"),
     COMPENSATED: "degree/s",
     COMPENSATED_VALID: "1",
     FRAME_COMPENSATED: "degree/s",
@@ -82,6 +85,11 @@ DESCRIPTIONS: Mapping[str, str] = {
     },
     FRAME_COMPENSATED: _SENSED,
     FRAME_COMPENSATED_VALID: _WITHIN,
+    **{
+        f"frame_compensated_{axis}_dps": f"sensed rate about the {axis} axis of the housing by the coefficients of the "
+        "unit, that of the table and of the Earth"
+        for axis in ("x", "y", "z")
+    },
 }
 
 _BY_HAND = ("power_cycle", "mount", "ask")

@@ -18,10 +18,11 @@ from benchctl.campaign.resume import steps_to_play
 from benchctl.campaign.runner import Outcome
 from benchctl.metrology.limit_file import limits_of_text, limits_template
 from benchctl.plan import ConstantRate, Mount, Soak, Static
-from benchctl.recordings.model import AXIS_CHANNELS
+from benchctl.recordings.model import AXIS_CHANNELS, AXIS_COMPENSATED
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.gyro import earth_rate_dps
 from benchctl_instruments.physics.three_axes import ThreeAxisParameters
 from benchctl_procedures.three_axes import three_axes
 from tests.benchctl.recordings.made import info
@@ -105,5 +106,12 @@ def test_the_fit_finds_the_units_matrix_and_biases(played: Outcome, tmp_path: Pa
     assert fitted.warnings == ()
     assert (tmp_path / "report.html").read_text().count("<caption>three axes at") == 1
     assert [line.split()[0] for line in str(fitted).splitlines()] == ["three", "output", "x", "y", "z"]
+    done = api.apply(played, tmp_path / "coefficients.json", tmp_path / "c.h5")
+    with open_recording(done.recording) as recording:
+        for info in [info for info in recording.infos if info.kind == "constant_rate"]:
+            step = recording.step(info.index, AXIS_COMPENSATED)
+            axis = "xyz".index(info.mounting[0])  # all axes up: the rate is the table's and the Earth's
+            expected = (info.rate_dps + earth_rate_dps(fitted.coefficients["latitude_deg"])) * (np.arange(3) == axis)
+            np.testing.assert_allclose([step[name].mean() for name in AXIS_COMPENSATED], expected, atol=0.02)
     with pytest.raises(UsageError, match=r"three axes has no K0_v_per_dps; read coefficients\['matrix'\]"):
         fitted.K0_v_per_dps  # noqa: B018 - it raises

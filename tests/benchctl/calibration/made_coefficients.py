@@ -160,10 +160,10 @@ def compiled(path: Path, folder: Path, language: str = "c") -> tuple[Compensatio
     return compensation, program_with(folder, language)
 
 
-def program_with(folder: Path, language: str = "c") -> Path:
+def program_with(folder: Path, language: str = "c", text: str = _PROGRAM) -> Path:
     """Compile a program with the header in a folder."""
     source, program = folder / "main.c", folder / "main"
-    source.write_text(_PROGRAM)
+    source.write_text(text)
     how = [compiler("cc"), "-std=c99"] if language == "c" else [compiler("g++"), "-std=c++11", "-x", "c++"]
     ran = subprocess.run(
         [*how, *_STRICT, str(source), "-o", str(program), "-lm"], capture_output=True, text=True, timeout=30

@@ -53,7 +53,7 @@ def _agree(compensation: Compensation, program: Path, seed: int = 1) -> None:
     np.testing.assert_allclose(answer.rate_dps, expected, rtol=1e-12, atol=1e-12 * RATE_DPS)
     # On the border itself a last digit may decide.
     clear = np.abs(np.abs(expected) - RATE_DPS) > 1e-9
-    assert np.array_equal(answer.valid[clear], compensation.inside(expected, celsius)[clear])
+    assert np.array_equal(answer.valid[clear], compensation.valid.inside(expected, celsius)[clear])
 
 
 @pytest.mark.parametrize("language", ["c", "c++"])
@@ -67,7 +67,7 @@ def test_the_header_of_a_fit_compiles_without_a_warning_and_agrees_with_python(l
     assert (answer.missed, answer.unit) == (0, content["unit"])
     expected = compensation.law.rate_dps(volts, celsius)
     np.testing.assert_allclose(answer.rate_dps, expected, rtol=1e-12, atol=1e-12 * RATE_DPS)
-    assert np.array_equal(answer.valid, compensation.inside(answer.rate_dps, celsius))
+    assert np.array_equal(answer.valid, compensation.valid.inside(answer.rate_dps, celsius))
     assert 0.5 < answer.valid.mean() < 1.0
 
 

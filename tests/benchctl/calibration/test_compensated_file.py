@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import xarray
 
-from benchctl.calibration.compensating import Applied, read_compensation, write_compensated
+from benchctl.calibration.compensated_file import Applied, write_compensated
+from benchctl.calibration.compensating import read_compensation
 from benchctl.recordings.exporting import export_csv
 from benchctl.recordings.model import Step, Unit
 from benchctl.recordings.reader import open_recording

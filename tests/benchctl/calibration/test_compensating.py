@@ -39,7 +39,7 @@ def test_rates_and_temperatures_are_held_against_what_was_measured(tmp_path: Pat
     compensation = read_compensation(written(tmp_path))
     rate_dps = np.array([-150.0, 150.0, 150.001, 0.0, 0.0, np.nan])
     celsius = np.array([-40.0, 60.0, 20.0, 60.001, np.nan, 20.0])
-    assert compensation.inside(rate_dps, celsius).tolist() == [True, True, False, False, False, False]
+    assert compensation.valid.inside(rate_dps, celsius).tolist() == [True, True, False, False, False, False]
 
 
 def test_a_temperature_that_nobody_wrote_down_bounds_nothing(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,16 +10,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchctl.app.compensate import compensate, own_compensation
+from benchctl.calibration.c_header import export_c_header
 from benchctl.calibration.coefficients import read_coefficients, write_coefficients
-from benchctl.calibration.compensating import read_compensation
+from benchctl.calibration.compensating import export_json, read_compensation
 from benchctl.calibration.three_axes import ThreeAxesResult, fit_three_axes, three_axes_coefficients
 from benchctl.history.entries import read_document
-from benchctl.recordings.model import Meta, Step
+from benchctl.recordings.model import AXIS_CHANNELS, AXIS_COMPENSATED, Meta, Step
+from benchctl.recordings.reader import open_recording
+from benchctl.recordings.verify import verify
+from benchctl.recordings.writer import write_recording
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.mounting import AXIS_POSITIONS, AxisPosition, vertical
 from benchctl_instruments.physics.gyro import EARTH_DPS
 from benchctl_instruments.physics.three_axes import ThreeAxisParameters, noise_deviation_dps, sensed_rates_dps
+from tests.benchctl.calibration.made_coefficients import program_with
 from tests.benchctl.recordings.made import info, meta
 
 FRAMES_HZ = 50.0
@@ -173,8 +180,78 @@ def test_the_file_states_every_number_and_is_not_taken_for_that_of_one_axis(tmp_
     assert "matrix_per_c" not in content
     figures = {one.name: one.value for one in read_document(path, "coefficients").figures}  # of the unit's history
     assert figures == {one.name: one.value for one in result.parameters()}
-    with pytest.raises(UsageError, match="is of a unit of three axes, expected coefficients of one"):
-        read_compensation(path)
+    with pytest.raises(UsageError, match="coefficients of three axes have one law; leave out the choice of 'joint'"):
+        read_compensation(path, "joint")
+
+
+def corrected(path: Path, warmest_c: float = 45.0, count: int = 200) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rates about the axes, shape (3, n), the unit's outputs without noise, and temperatures, within the range."""
+    write_coefficients(
+        path,
+        three_axes_coefficients(
+            fit_three_axes(campaign(1, set_points_c=(0.0, warmest_c)), known()), unit="VG-7", source=[("r.h5", "d")]
+        ),
+    )
+    chance = np.random.default_rng(2)
+    rates, celsius = chance.uniform(-85.0, 85.0, (3, count)), chance.uniform(1.0, warmest_c - 1.0, count)
+    return rates, UNIT.output_dps(rates.T, celsius).T, celsius
+
+
+def test_apply_gives_the_true_rates_of_all_axes_at_any_temperature(tmp_path: Path) -> None:
+    rates, outputs, celsius = corrected(tmp_path / "coefficients.json")
+    outputs[1, 7], celsius[9] = np.nan, 60.0
+    frames = {"frame_time_s": np.arange(200.0), "frame_temp_c": celsius, "frame_rate_dps": outputs[2]}
+    frames |= {"frame_status": np.zeros(200), **dict(zip(AXIS_CHANNELS, outputs, strict=True))}
+    write_recording(tmp_path / "r.h5", known(), [Step(info(1), frames)])
+    done = compensate(tmp_path / "r.h5", tmp_path / "coefficients.json", tmp_path / "c.h5")
+    assert str(done).splitlines()[0].endswith("200 samples compensated, matrix of three axes")
+    assert (done.applied.outside, done.values()["law"], done.values()["delay_s"]) == (2, "three_axes", None)
+    assert verify(done.recording) == []
+    with open_recording(done.recording) as recording:
+        step = recording.step(1)
+        found = np.array([step[name] for name in AXIS_COMPENSATED])
+        assert recording.meta.extra["channel_comments"][AXIS_COMPENSATED[0]].endswith("matrix of three axes")
+    assert np.flatnonzero(step["frame_compensated_valid"] == 0.0).tolist() == [7, 9]
+    assert np.isnan(found[:, 7]).all()
+    inside = step["frame_compensated_valid"] == 1.0
+    assert np.abs(found - rates)[:, inside].max() < 0.01
+    assert np.abs(outputs - rates)[:, inside].max() > 0.2  # 20 times as much without the correction
+    with pytest.raises(UsageError, match="has frame_compensated_x_dps already"):
+        compensate(done.recording, tmp_path / "coefficients.json", tmp_path / "d.h5")
+
+
+_PROGRAM = r"""
+#include "gyro_compensation.h"
+#include <stdio.h>
+int main(void)
+{
+    double y[3], celsius, rate[3];
+    printf("%d %s\n", gyro_self_test(), GYRO_UNIT_SERIAL);
+    while (scanf("%lf %lf %lf %lf", y, y + 1, y + 2, &celsius) == 4) {
+        gyro_rates_dps(y, celsius, rate);
+        printf("%.17g %.17g %.17g %d\n", rate[0], rate[1], rate[2], gyro_rate_valid(rate[0], celsius));
+    }
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("language", ["c", "c++"])
+def test_the_c_header_agrees_with_python(language: str, tmp_path: Path) -> None:
+    rates, outputs, celsius = corrected(tmp_path / "coefficients.json")
+    compensation = own_compensation(tmp_path / "coefficients.json")
+    export_c_header(compensation, tmp_path / "gyro_compensation.h")
+    program = program_with(tmp_path, language, _PROGRAM)
+    lines = "".join(f"{x:.17g} {y:.17g} {z:.17g} {c:.17g}\n" for x, y, z, c in zip(*outputs, celsius, strict=True))
+    ran = subprocess.run([program], input=lines, capture_output=True, timeout=30, check=True, text=True)
+    first, *rows = ran.stdout.splitlines()
+    assert first == "0 VG-7"
+    found = np.array([[float(word) for word in row.split()] for row in rows]).T
+    np.testing.assert_allclose(found[:3], compensation.rates_dps(outputs, celsius), rtol=1e-12, atol=1e-11)
+    assert np.abs(found[:3] - rates).max() < 0.01
+    assert found[3].all()
+    with pytest.raises(UsageError, match="json itself states `law` and its numbers"):
+        export_json(compensation, tmp_path / "c.json")
 
 
 def test_imucal_finds_the_same_matrix_in_the_same_samples() -> None:
