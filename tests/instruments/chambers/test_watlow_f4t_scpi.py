@@ -139,6 +139,7 @@ PY_LAB_HAL = """
         pytest.param(PY_LAB_HAL, id="google/py-lab-hal testequity107.py"),
     ],
 )
+@pytest.mark.foreign_client("watlow_f4t_scpi", "", "its commands, each answer checked")
 def test_a_public_clients_dialogue_is_answered_as_it_needs(twin: SimulatedWatlowF4TScpi, dialogue: str) -> None:
     where = parse_address(twin.address)
     with socket.create_connection((where.host, where.port), timeout=10.0) as wire, wire.makefile("rb") as answers:

@@ -10,6 +10,7 @@ import socket
 import sys
 import warnings
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -26,6 +27,10 @@ from benchctl_instruments.simulated.world import World
 
 START_DEG = 40.0
 """Where the table stands at power-up."""
+by_pymeasure = partial(pytest.mark.foreign_client, "newport_esp301", "PyMeasure ESP300", package="pymeasure")
+by_instrumentkit = partial(
+    pytest.mark.foreign_client, "newport_esp301", "InstrumentKit NewportESP301", package="instrumentkit"
+)
 
 
 @pytest.fixture
@@ -61,6 +66,7 @@ def pymeasure_esp300(esp301_port: str) -> Iterator[Any]:
     adapter.close()
 
 
+@by_pymeasure("homes, moves, limits, reads the axis")
 def test_pymeasures_esp300_homes_moves_and_reads_the_axis(pymeasure_esp300: Any, table: TableMachine) -> None:
     controller, axis = pymeasure_esp300, pymeasure_esp300.x
     assert controller.id.startswith("ESP301 Version")
@@ -86,6 +92,7 @@ def test_pymeasures_esp300_homes_moves_and_reads_the_axis(pymeasure_esp300: Any,
     assert not axis.enabled
 
 
+@by_pymeasure("units")
 def test_pymeasures_esp300_sets_each_unit_and_reads_it_back(pymeasure_esp300: Any) -> None:
     units = ("encoder count", "motor step", "millimeter", "radian", "microradian", "degree")
     for unit in units:
@@ -94,6 +101,7 @@ def test_pymeasures_esp300_sets_each_unit_and_reads_it_back(pymeasure_esp300: An
     assert pymeasure_esp300.errors == []
 
 
+@by_pymeasure("errors")
 def test_pymeasures_esp300_reads_what_was_wrong_from_the_queue(pymeasure_esp300: Any) -> None:
     controller = pymeasure_esp300
     for line in ("1XY", "9MO", "1VA", "1PA10", "1OR7", "hello", "2MO"):
@@ -114,6 +122,7 @@ def test_pymeasures_esp300_reads_what_was_wrong_from_the_queue(pymeasure_esp300:
     assert [error.error for error in controller.errors] == ["20"] * 4
 
 
+@by_pymeasure("waits for the end of a motion")
 def test_what_follows_a_wait_is_answered_at_the_end_of_the_motion(pymeasure_esp300: Any) -> None:
     controller = pymeasure_esp300
     controller.x.enable()
@@ -138,6 +147,7 @@ def instrumentkit_esp301(esp301_port: str) -> Iterator[Any]:
         yield newport.NewportESP301(communicator(port))
 
 
+@by_instrumentkit("homes, moves, stops, reads the axis")
 def test_instrumentkits_esp301_homes_moves_and_reads_the_axis(instrumentkit_esp301: Any, table: TableMachine) -> None:
     controller = instrumentkit_esp301
     axis = controller.axis[0]
@@ -165,6 +175,7 @@ def test_instrumentkits_esp301_homes_moves_and_reads_the_axis(instrumentkit_esp3
     axis.disable()
 
 
+@by_instrumentkit("30 settings of the axis")
 def test_instrumentkits_esp301_reads_and_writes_the_axis_set_up(instrumentkit_esp301: Any) -> None:
     axis = instrumentkit_esp301.axis[0]
     delivered = axis.read_setup()
@@ -207,6 +218,7 @@ def test_instrumentkits_esp301_reads_and_writes_the_axis_set_up(instrumentkit_es
     assert {name: read[name] for name in read.keys() - once} == {name: wanted[name] for name in read.keys() - once}
 
 
+@by_instrumentkit("errors")
 def test_instrumentkits_esp301_raises_what_the_controller_reports(instrumentkit_esp301: Any) -> None:
     axis = instrumentkit_esp301.axis[0]
     for act, code in (
@@ -361,6 +373,7 @@ ACKNOWLEDGEALL -> %
         pytest.param(LAB_CONTROL_LIB, id="optimato/lab-control-lib aerotech.py"),
     ],
 )
+@pytest.mark.foreign_client("aerotech_ensemble", "", "its commands, each answer checked")
 def test_a_public_clients_dialogue_with_an_ensemble_is_answered_as_it_needs(table: TableMachine, dialogue: str) -> None:
     with SimulatedEnsemble(table) as ensemble:
         for sent, wanted, came in answered(ensemble.address, dialogue):
@@ -469,6 +482,7 @@ u:t 179,179,176,32,152,151,32,50,176,181,181,181 -> OK
         pytest.param(WILLIAMSEA, id="williamsea/Acutrol Form1.cs"),
     ],
 )
+@pytest.mark.foreign_client("acutrol3000", "", "its commands, each answer checked")
 def test_a_public_clients_dialogue_with_an_acutrol_is_answered_as_it_needs(table: TableMachine, dialogue: str) -> None:
     """Each reply behind its header of 8 characters, which the clients on TCP strip; `1.0` stands for any number."""
     with SimulatedAcutrol3000(table) as acutrol:

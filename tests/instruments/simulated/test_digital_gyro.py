@@ -103,6 +103,7 @@ def test_leaving_configuration_may_be_confirmed_by_frames_only(inputs: RampInput
     assert gyro.due()[:4] == kvh.HEADER
 
 
+@pytest.mark.foreign_client("kvh_dsp1760", "ESA drivers-dsp1760", "configures it")
 def test_the_driver_of_esa_configures_it_by_buffers_of_fixed_length(gyro: SimulatedKvhDsp1760) -> None:
     """drivers-dsp1760, dsp1760.cpp: it sends the rest of each buffer too, which comes before its next command."""
     gyro.feed(b"=config,1\n" + b"=dr,250\n".ljust(16, b"\0") + b"=config,0\n")
@@ -113,6 +114,7 @@ def test_the_driver_of_esa_configures_it_by_buffers_of_fixed_length(gyro: Simula
     assert said(gyro, "?rotfmt") == b"ROTFMT,DELTA\r\n"
 
 
+@pytest.mark.foreign_client("kvh_dsp1760", "ros_kvh1750", "queries settings")
 def test_the_queries_of_a_public_driver_for_the_1750_are_answered(gyro: SimulatedKvhDsp1760) -> None:
     """What ros_kvh1750 does at its start: lines end with LF alone, and each query goes in and out of configuration."""
     for query, answer in (("TEMPUNITS", b"TEMPUNITS,C\r\n"), ("ROTFMT", b"ROTFMT,DELTA\r\n"), ("DR", b"DR,1000\r\n")):

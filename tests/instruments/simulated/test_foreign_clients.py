@@ -59,12 +59,14 @@ def read_and_set_f4(client: ModbusSerialClient | ModbusTcpClient) -> list[float]
 
 
 @needs_terminals
+@pytest.mark.foreign_client("watlow_f4", "pymodbus, serial", "reads and sets", package="pymodbus")
 def test_pymodbus_serial_client_reads_and_sets_the_f4(machine: FakeChamber, f4_port: str) -> None:
     client = ModbusSerialClient(f4_port, framer=FramerType.RTU, baudrate=19200, bytesize=8, parity="N", stopbits=1)
     assert read_and_set_f4(client) == [-12.5, 20.0, -40.0]
     assert machine.setpoint == -40.0
 
 
+@pytest.mark.foreign_client("watlow_f4", "pymodbus, RTU over TCP", "reads and sets", package="pymodbus")
 def test_pymodbus_tcp_client_with_rtu_frames_reads_and_sets_the_f4_behind_a_serial_server(machine: FakeChamber) -> None:
     with SimulatedWatlowF4(machine, over_tcp=True) as f4:
         client = ModbusTcpClient("127.0.0.1", port=tcp_port(f4.address), framer=FramerType.RTU)
@@ -73,6 +75,7 @@ def test_pymodbus_tcp_client_with_rtu_frames_reads_and_sets_the_f4_behind_a_seri
 
 
 @needs_terminals
+@pytest.mark.foreign_client("watlow_f4", "pymodbus, asynchronous serial", "reads and sets", package="pymodbus")
 def test_pymodbus_asynchronous_serial_client_reads_and_sets_the_f4(machine: FakeChamber, f4_port: str) -> None:
     async def session() -> list[int]:
         client = AsyncModbusSerialClient(f4_port, framer=FramerType.RTU, baudrate=19200)
@@ -95,6 +98,7 @@ def test_a_unit_that_is_not_on_the_f4s_line_stays_silent_for_pymodbus(f4_port: s
         assert client.read_holding_registers(300, device_id=1).registers == [200]
 
 
+@pytest.mark.foreign_client("watlow_f4t", "pymodbus, TCP", "reads and sets", package="pymodbus")
 def test_pymodbus_tcp_client_reads_and_sets_the_f4t(machine: FakeChamber) -> None:
     with (
         SimulatedWatlowF4T(machine) as f4t,
@@ -114,6 +118,7 @@ def test_pymodbus_tcp_client_reads_and_sets_the_f4t(machine: FakeChamber) -> Non
         assert client.write_registers(2782, [int(word) for word in too_hot], device_id=1).exception_code == 3
 
 
+@pytest.mark.foreign_client("watlow_f4t", "pymodbus, asynchronous TCP", "40 requests at once", package="pymodbus")
 def test_pymodbus_asynchronous_tcp_client_has_many_requests_answered_by_the_f4t(machine: FakeChamber) -> None:
     async def session(port: int) -> list[object]:
         client = AsyncModbusTcpClient("127.0.0.1", port=port)
@@ -129,6 +134,7 @@ def test_pymodbus_asynchronous_tcp_client_has_many_requests_answered_by_the_f4t(
 
 
 @needs_terminals
+@pytest.mark.foreign_client("watlow_f4", "minimalmodbus", "reads and sets, refusals", package="minimalmodbus")
 def test_minimalmodbus_reads_and_sets_the_f4_in_signed_tenths(machine: FakeChamber, f4_port: str) -> None:
     minimalmodbus = pytest.importorskip("minimalmodbus")
     controller = minimalmodbus.Instrument(f4_port, 1)
@@ -146,6 +152,7 @@ def test_minimalmodbus_reads_and_sets_the_f4_in_signed_tenths(machine: FakeChamb
 
 
 @needs_terminals
+@pytest.mark.foreign_client("watlow_f4", "watlow-f4", "reads and sets", package="watlow-f4")
 def test_a_laboratorys_own_driver_for_its_watlow_f4_runs_on_the_simulated_one(
     machine: FakeChamber, f4_port: str
 ) -> None:
@@ -159,6 +166,7 @@ def test_a_laboratorys_own_driver_for_its_watlow_f4_runs_on_the_simulated_one(
 
 @needs_terminals
 @pytest.mark.parametrize("serial", [True, False], ids=["serial", "tcp"])
+@pytest.mark.foreign_client("espec_p300", "pyserial's miniterm", "a person types commands", package="pyserial")
 def test_somebody_at_pyserials_miniterm_reads_and_sets_the_p300(machine: FakeChamber, serial: bool) -> None:
     from tests.instruments.simulated.miniterm import Miniterm  # needs what Windows does not have
 

@@ -267,7 +267,18 @@ def client_of(twin: ModbusRtuServer | SimulatedWatlowF4T) -> Iterator[ModbusSeri
         client.close()  # type: ignore[no-untyped-call]
 
 
-@pytest.mark.parametrize("model", ["watlow_f4", "watlow_f4t", "binder_mb2", "csz_ezt430i"])
+@pytest.mark.parametrize(
+    "model",
+    [
+        pytest.param(model, marks=pytest.mark.foreign_client(model, client, "its registers, each answer checked"))
+        for model, client in (
+            ("watlow_f4", "EspecNorthAmerica/ChamberConnectLibrary"),
+            ("watlow_f4t", "EspecNorthAmerica/ChamberConnectLibrary"),
+            ("binder_mb2", "P. Tobiska's control of Binder chambers"),
+            ("csz_ezt430i", "O. Hartbrich's csz_ezt430i"),
+        )
+    ],
+)
 def test_a_published_client_gets_the_answers_that_it_expects(model: str) -> None:
     machine = FakeChamber()
     machine.power = 50.0
@@ -355,6 +366,7 @@ P300_PROGRAM = (
 
 
 @pytest.mark.parametrize(("rows", "program"), [(P300, False), (P300_PROGRAM, True)])
+@pytest.mark.foreign_client("espec_p300", "EspecNorthAmerica/ChamberConnectLibrary", "its commands, a program")
 def test_the_makers_library_gets_the_p300s_answers(rows: tuple[tuple[str, str], ...], program: bool) -> None:
     machine = FakeChamber()
     machine.power = 50.0
@@ -379,6 +391,38 @@ def asked_by_minimalmodbus(twin: ModbusRtuServer) -> Iterator[Any]:
             yield instrument
 
 
+@pytest.mark.foreign_client("binder_mb2", "basil binderMK56", "reads and sets, its limits", package="basil-daq")
+def test_basils_binder_mk56_reads_and_sets_the_chamber() -> None:
+    """The MK 56 has an MB2, and basil reads its temperature at 1004h."""
+    dut = pytest.importorskip("basil.dut", reason="basil is not installed: pip install basil-daq")
+    machine = FakeChamber()
+    machine.air, machine.on = -12.5, True
+    with SimulatedBinderMb2(machine) as twin:
+        port = twin.address.removeprefix("serial://").partition("?")[0]
+        line = {"port": port, "baudrate": 9600, "timeout": 1.0, "read_termination": "", "write_termination": ""}
+        limits = {"address": 1, "min_temp": -40, "max_temp": 120}
+        bench = dut.Dut(
+            {
+                "transfer_layer": [{"name": "serial", "type": "Serial", "init": line}],
+                "hw_drivers": [{"name": "chamber", "type": "binder_mk56", "interface": "serial", "init": limits}],
+            }
+        )
+        bench.init()
+        chamber = bench["chamber"]
+        assert (chamber.get_temperature(), chamber.get_temperature_target()) == (-12.5, 20.0)
+        chamber.set_temperature(-30.25)
+        assert chamber.get_temperature_target() == machine.setpoint == -30.25
+        with pytest.raises(RuntimeWarning, match="higher than maximum allowed"):
+            chamber.set_temperature(130.0)
+        bench.close()
+
+
+@pytest.mark.foreign_client(
+    "eurotherm_2400",
+    "minimalmodbus, calls of hailegroup/nupylab",
+    "reads, sets, ramps",
+    package="minimalmodbus",
+)
 def test_minimalmodbus_asks_the_2400_as_nupylab_does() -> None:
     machine = FakeChamber()
     machine.air, machine.power, machine.on = 78.1, 12.5, True
@@ -413,6 +457,9 @@ def test_minimalmodbus_asks_the_2400_as_nupylab_does() -> None:
             instrument.read_register(4000)
 
 
+@pytest.mark.foreign_client(
+    "eurotherm_3500", "minimalmodbus, calls of its eurotherm3500", "reads, sets", package="minimalmodbus"
+)
 def test_minimalmodbus_asks_the_3500_by_the_list_of_its_own_example() -> None:
     machine = FakeChamber()
     machine.air, machine.power, machine.on = 78.1, 12.5, True

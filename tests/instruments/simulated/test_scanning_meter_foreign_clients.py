@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,10 @@ from benchctl_instruments.simulated.keysight_34970a import Simulated34970A
 from benchctl_instruments.simulated.keysight_daq970a import SimulatedDAQ970A
 from benchctl_instruments.simulated.machines import AnalogInputs
 from tests.instruments.simulated.fake_inputs import FakeInputs
+
+by_pymeasure = partial(
+    pytest.mark.foreign_client, "keithley_daq6510", "PyMeasure KeithleyDAQ6510, PyVISA-py", package="pymeasure"
+)
 
 
 class _SteadyInputs(FakeInputs):
@@ -50,6 +55,12 @@ def pymeasure_daq6510(inputs: AnalogInputs) -> Iterator[Any]:
         meter.adapter.close()
 
 
+@pytest.mark.foreign_client(
+    "keithley_daq6510",
+    "PyMeasure KeithleyDAQ6510, PyVISA-py",
+    "closes channels, measures, settings, errors",
+    package="pymeasure",
+)
 def test_pymeasures_daq6510_measures_the_channel_that_it_closes(pymeasure_daq6510: Any) -> None:
     meter = pymeasure_daq6510
     assert meter.id == "KEITHLEY INSTRUMENTS,MODEL DAQ6510,00000001,1.7.12b"
@@ -70,6 +81,7 @@ def test_pymeasures_daq6510_measures_the_channel_that_it_closes(pymeasure_daq651
     assert meter.check_errors() == []
 
 
+@by_pymeasure("fetches the buffer of a scan")
 def test_pymeasures_daq6510_fetches_the_buffer_of_a_scan(pymeasure_daq6510: Any) -> None:
     """Its own methods for buffers are those of a Keithley 2000; of these, a DAQ6510 knows some."""
     meter = pymeasure_daq6510
@@ -181,15 +193,44 @@ FETC? -> +2.50000000E-01
 @pytest.mark.parametrize(
     ("make", "dialogue", "no_error"),
     [
-        pytest.param(SimulatedDAQ6510, DESY_CMS, '0,"No error', id="DESY CMStkModLab KeithleyDAQ6510.cpp"),
-        pytest.param(SimulatedDAQ6510, FREIA, '0,"No error', id="freia-lab/e3-daq6510 daq6510.proto"),
-        pytest.param(SimulatedDAQ6510, CGSE, '0,"No error', id="IvS-KULeuven CGSE daq6510_devif.py"),
         pytest.param(
-            Simulated34970A, PYTHON_EQUIPMENT_DRIVERS, '+0,"No error"', id="PythonEquipmentDrivers AG_34972A.py"
-        ),
-        pytest.param(Simulated34970A, DUDEYARVIE, '+0,"No error"', id="DudeYarvie/HP34970A-and-HP34901A"),
-        pytest.param(SimulatedDAQ970A, DAQ970A_WRAPPER, '+0,"No error"', id="a laboratory's wrapper of a DAQ970A"),
-        pytest.param(SimulatedDAQ970A, SHABAZ123, '+0,"No error"', id="shabaz123/DAQ970A-tools daq_therm.m"),
+            make,
+            dialogue,
+            no_error,
+            id=client,
+            marks=pytest.mark.foreign_client(model, client, "its commands, each answer checked"),
+        )
+        for make, model, no_error, dialogues in (
+            (
+                SimulatedDAQ6510,
+                "keithley_daq6510",
+                '0,"No error',
+                {
+                    "DESY CMStkModLab KeithleyDAQ6510.cpp": DESY_CMS,
+                    "freia-lab/e3-daq6510 daq6510.proto": FREIA,
+                    "IvS-KULeuven CGSE daq6510_devif.py": CGSE,
+                },
+            ),
+            (
+                Simulated34970A,
+                "keysight_34970a",
+                '+0,"No error"',
+                {
+                    "PythonEquipmentDrivers AG_34972A.py": PYTHON_EQUIPMENT_DRIVERS,
+                    "DudeYarvie/HP34970A-and-HP34901A": DUDEYARVIE,
+                },
+            ),
+            (
+                SimulatedDAQ970A,
+                "keysight_daq970a",
+                '+0,"No error"',
+                {
+                    "a laboratory's wrapper of a DAQ970A": DAQ970A_WRAPPER,
+                    "shabaz123/DAQ970A-tools daq_therm.m": SHABAZ123,
+                },
+            ),
+        )
+        for client, dialogue in dialogues.items()
     ],
 )
 def test_a_public_clients_dialogue_is_answered_as_it_needs(

@@ -101,6 +101,7 @@ def test_pymodbus_reads_what_the_register_map_states_as_the_default(
         (61604, "u32", 60),
     ],
 )
+@pytest.mark.foreign_client("labjack_t7", "pymodbus, TCP", "registers of the public map", package="pymodbus")
 def test_pymodbus_writes_and_reads_back_what_a_t7_keeps_until_it_is_rebooted(
     client: Client, address: int, kind: str, value: float
 ) -> None:
@@ -210,6 +211,7 @@ def writes(address: int, data: bytes) -> bytes:
     return struct.pack(">BHB", 1, address, len(data) // 2) + data
 
 
+@pytest.mark.foreign_client("labjack_t7", "NSchrading/async_labjack", "connects, streams, reads the calibration")
 def test_async_labjack_connects_streams_and_reads_the_calibration(t7: SimulatedLabJackT7) -> None:
     settings = {4002: (1000.0, "f"), 4004: (2, "I"), 4006: (20, "I"), 4008: (0.0, "f"), 4010: (0, "I")}
     settings |= {4012: (4096, "I"), 4016: (1, "I"), 4020: (0, "I")}
@@ -262,6 +264,12 @@ def old_client(t7: SimulatedLabJackT7) -> Iterator[OldPymodbus]:
         yield connected
 
 
+@pytest.mark.foreign_client(
+    "labjack_t7",
+    "scinstr T7, its pymodbus 2 adapted",
+    "inputs, counters, watchdog",
+    package="scinstr",
+)
 def test_scinstr_runs_its_t7_as_it_is_published(old_client: OldPymodbus, inputs: FakeInputs) -> None:
     published = pytest.importorskip("scinstr.daq.labjack.t7", reason="scinstr is not installed")
     device = published.T7()

@@ -26,6 +26,7 @@ def machine() -> FakeChamber:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+@pytest.mark.foreign_client("thermotron_3800", "PyMeasure Thermotron3800", "sets, runs, stops", package="pymeasure")
 def test_pymeasures_3800_sets_runs_and_stops_the_chamber(machine: FakeChamber, monkeypatch: pytest.MonkeyPatch) -> None:
     """It waits a second after each command, which the simulated chamber does not need."""
     adapters = pytest.importorskip("pymeasure.adapters", reason="PyMeasure is not installed: pip install pymeasure")
@@ -56,6 +57,7 @@ def test_pymeasures_3800_sets_runs_and_stops_the_chamber(machine: FakeChamber, m
         adapter.close()
 
 
+@pytest.mark.foreign_client("thermotron_8800", "three public programs", "sets, runs, ramps, stops, alarms")
 @pytest.mark.parametrize("end", [b"\r", b"\n", b"\r\n"])
 def test_three_programs_for_an_8800_get_its_answers(machine: FakeChamber, end: bytes) -> None:
     """One ends its lines with CR, one with LF and one as its settings say; two look at the 0 of a command."""

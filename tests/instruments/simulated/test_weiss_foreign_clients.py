@@ -39,6 +39,7 @@ def connected(served: str) -> Iterator[socket.socket]:
 # SIMSERV --------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.foreign_client("weiss_simserv", "basil weiss_labevent", "reads, sets, starts, stops", package="basil-daq")
 def test_basils_labevent_reads_sets_starts_and_stops_the_chamber(machine: FakeChamber) -> None:
     dut = pytest.importorskip("basil.dut", reason="basil is not installed: pip install basil-daq")
     with SimulatedWeissSimserv(machine) as twin:
@@ -66,6 +67,7 @@ def test_basils_labevent_reads_sets_starts_and_stops_the_chamber(machine: FakeCh
         bench.close()
 
 
+@pytest.mark.foreign_client("weiss_simserv", "IzaakWN/ClimateChamberMonitor", "reads, sets, starts, stops, alarms")
 def test_a_laboratorys_monitor_of_its_climate_chamber_gets_its_answers(machine: FakeChamber) -> None:
     """IzaakWN/ClimateChamberMonitor and the Python package for Vötsch chambers: bytes sent, bytes needed."""
     with SimulatedWeissSimserv(machine) as twin, connected(twin.address) as line:
@@ -125,6 +127,7 @@ def test_what_simserv_refuses_has_the_code_of_the_makers_manual(
 
 
 @needs_terminals
+@pytest.mark.foreign_client("weiss_ascii2", "ondrejh/VT4002", "sets, starts, stops, reads")
 def test_two_programs_for_a_vt4002_set_and_read_it_on_its_serial_line(machine: FakeChamber) -> None:
     """ondrejh/VT4002 reads lines until 0.5 s pass without one, and the second value; Embida/pyVT4002 reads one line."""
     with (
@@ -145,6 +148,20 @@ def test_two_programs_for_a_vt4002_set_and_read_it_on_its_serial_line(machine: F
         port.write(b"$00I\r\n")  # another chamber's address
         assert port.readline() == b""
     assert machine.setpoint == 40.0
+
+
+@needs_terminals
+@pytest.mark.foreign_client("weiss_ascii2", "pyVT4002", "reads and sets", package="pyvt4002")
+def test_pyvt4002_reads_and_sets_the_chamber(machine: FakeChamber) -> None:
+    published = pytest.importorskip("VT4002", reason="pyVT4002 is not installed: pip install pyvt4002")
+    with SimulatedWeissAscii2(machine) as twin:
+        port = twin.address.removeprefix("serial://").partition("?")[0]
+        chamber = published.Connection(port, chamber_address="01")
+        values = chamber.get_actual_values()
+        assert (values.temp1_nominal(), values.temp1_actual()) == (20.0, -12.5)
+        chamber.set_nominal_values(nominal_value_1=45.5)
+        assert chamber.get_actual_values().temp1_nominal() == machine.setpoint == 45.5
+        chamber.ser.close()
 
 
 def test_a_program_for_a_wt120_starts_and_stops_it_over_tcp(machine: FakeChamber) -> None:
