@@ -87,6 +87,14 @@ def oscillates(model: str) -> bool:
         return True
 
 
+def homes(model: str) -> bool:
+    """Return whether rate tables of this model can be homed; True if that is unknown until the table is opened."""
+    try:
+        return hasattr(driver("rate_table", model), "home")
+    except UsageError:
+        return True
+
+
 def counts_encoder(model: str) -> bool:
     """Return whether digitizers of this model have an input for an encoder; True if the model is unknown."""
     return bool(_of_digitizer(model, "counts_encoder", True))

@@ -6,9 +6,10 @@ volts; seconds. Every method either does what it describes, confirmed by reading
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol, Self
+from typing import Protocol, Self, runtime_checkable
 
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.mounting import Position as Position
@@ -108,6 +109,18 @@ class RateTable(Instrument, Protocol):
 
     def state(self) -> TableState:
         """Return the present state; raises `InstrumentError` only if the answer is invalid."""
+
+
+@runtime_checkable
+class Homes(Protocol):
+    """What the driver of a rate table with a home mark implements in addition."""
+
+    def home(self, meanwhile: Callable[[], None]) -> None:
+        """Turn slowly to the home mark, from which the angle then counts; return when the table rests there.
+
+        `meanwhile` is called again and again until then and waits a while; an exception from it ends the waiting, and
+        `stop` ends the motion.
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,10 +13,10 @@ from benchctl.atomic import free_bytes
 from benchctl.bench import Bench
 from benchctl.campaign.timing import disk_bytes, step_that_fills, timeline
 from benchctl.certificates import Expired, expired
-from benchctl.plan import Mount, Plan, Soak, Step, ThermalRamp
+from benchctl.plan import Home, Mount, Plan, Soak, Step, ThermalRamp
 from benchctl.plan.steps import Polled, faults
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
-from benchctl_instruments.catalog import counts_encoder, fastest_hz, oscillates
+from benchctl_instruments.catalog import counts_encoder, fastest_hz, homes, oscillates
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.mounting import AXIS_POSITIONS
 
@@ -114,6 +114,11 @@ def _beyond(step: Step, bench: Bench, sinusoids: bool) -> Iterator[str]:
             )
     if isinstance(step, Mount) and step.position in AXIS_POSITIONS and (bench.gyro is None or bench.gyro.axes != 3):
         yield "turns a unit of three axes, and the bench has none; state axes = 3 in the table [gyro] of bench.toml"
+    if isinstance(step, Home) and not homes(bench.rate_table.model):
+        yield (
+            f"homes the table, and the bench's table, {bench.rate_table.model}, has no home; leave the step out, or "
+            "home it at its controller"
+        )
     if not isinstance(step, Polled):
         yield from _beyond_digitizer(step, bench)
     if isinstance(step, ThermalRamp) and step.ramp_c_per_min > limits.ramp_c_per_min:

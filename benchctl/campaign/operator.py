@@ -26,7 +26,7 @@ from benchctl.campaign.stop import StoppedError
 from benchctl.closeness import nearest
 from benchctl.documents import toml_document
 from benchctl.limits import cut, shown
-from benchctl.plan import Ask, ConstantRate, Mount, PowerCycle, Step, ThermalRamp
+from benchctl.plan import Ask, ConstantRate, Home, Mount, PowerCycle, Step, ThermalRamp
 from benchctl.plan.steps import ByHand
 from benchctl.toml_file import read_text
 from benchctl_instruments.errors import SafetyError, UsageError
@@ -56,6 +56,7 @@ def mount_question(unit: str, position: Position) -> str:
     return f"mount unit {unit} with its input axis {position} the table's axis, then stand clear of the table"
 
 
+HOME_QUESTION = "stand clear of the table, which then turns to its home mark"
 STOP_QUESTION = "stop the table"
 
 
@@ -96,6 +97,8 @@ def questions(
                 yield Question(step=number, text=mount_question(unit, step.position))
             case Ask():
                 yield Question(step=number, text=step.says)
+            case Home():
+                yield Question(step=number, text=HOME_QUESTION)
     if turns:
         yield Question(step=number, text=STOP_QUESTION)
 

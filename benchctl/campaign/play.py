@@ -13,19 +13,19 @@ from dataclasses import dataclass, field, replace
 from benchctl.campaign.frames import NoFrames, StepFrames, frame_channels, frames_of
 from benchctl.campaign.interlocks import Change
 from benchctl.campaign.opened import OpenBench
-from benchctl.campaign.operator import Meanwhile, Operator
+from benchctl.campaign.operator import HOME_QUESTION, Meanwhile, Operator
 from benchctl.campaign.rest import wait_for_rest
 from benchctl.campaign.safety import Supervisor, rest_s
 from benchctl.campaign.soak import SOAK_CHANNELS, SoakWatch, one_poll
 from benchctl.campaign.stop import StopRequest
 from benchctl.campaign.stream import STREAM_CHANNELS, StreamRecorder
-from benchctl.plan import Ask, ConstantRate, Mount, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.plan import Ask, ConstantRate, Home, Mount, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.plan.steps import Polled
 from benchctl.recordings.campaign_folder import CampaignWriter, StepWriter
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.step_writer import CLOSING_S_PER_SCAN
-from benchctl_instruments.errors import InstrumentError, SafetyError
-from benchctl_instruments.interfaces import Position
+from benchctl_instruments.errors import InstrumentError, SafetyError, UsageError
+from benchctl_instruments.interfaces import Homes, Position
 
 Notify = Callable[[str], None]
 Act = Callable[[Operator, Meanwhile], None]
@@ -77,6 +77,8 @@ class StepPlayer:
                 return self._record(index, step, SOAK_CHANNELS, lambda into: mount(self, step, into))
             case Ask():
                 return self._record(index, step, SOAK_CHANNELS, lambda into: ask(self, step, into))
+            case Home():
+                return self._record(index, step, SOAK_CHANNELS, lambda into: home(self, into))
             case Static():
                 self.rest(step.settle_s)
             case ConstantRate():
@@ -300,6 +302,25 @@ def mount(player: StepPlayer, step: Mount, into: StepWriter) -> Span:
 def ask(player: StepPlayer, step: Ask, into: StepWriter) -> Span:
     """Have the requested action performed."""
     return _operator_step(player, step.says, into, lambda who, meanwhile: who.ask(step.says, meanwhile))
+
+
+def home(player: StepPlayer, into: StepWriter) -> Span:
+    """Have the operator permit it, then turn the table to its home mark; the bench is supervised meanwhile."""
+    table = player.opened.table
+    if not isinstance(table, Homes):
+        raise UsageError(f"rate_table: {player.opened.bench.rate_table.model} has no home; leave out the step Home")
+
+    def homed(who: Operator, meanwhile: Meanwhile) -> None:
+        who.ask(HOME_QUESTION, meanwhile)
+        table.home(look)
+
+    def look() -> None:
+        player.notify("turning to the home mark")
+        player.wait(player.opened.clock.chunk_s)
+        player.supervisor.check_state()
+        player.supervisor.look_at_chamber()
+
+    return _operator_step(player, HOME_QUESTION, into, homed)
 
 
 def switch_on(player: StepPlayer) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from benchctl.bench import Limits
-from benchctl.plan import Ask, ConstantRate, Mount, Plan, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.plan import Ask, ConstantRate, Home, Mount, Plan, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
 
 BYTES_PER_SCAN = 10
 """Compressed size of a four-channel scan in a recording: at most 8 if the gyro uses the converter's full range."""
@@ -40,7 +40,7 @@ def step_s(step: Step, from_c: float, limits: Limits) -> float:
             return step.streamed_s + spin_up_s + step.settle_s
         case PowerCycle():
             return step.off_s
-        case Mount() | Ask():
+        case Mount() | Ask() | Home():
             return OPERATOR_S
 
 

@@ -28,6 +28,7 @@ _WORDS = {
     "power_cycle": "powered off and on",
     "mount": "mounted by an operator",
     "ask": "done by an operator",
+    "home": "homing",
 }
 
 

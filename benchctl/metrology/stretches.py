@@ -19,7 +19,7 @@ from benchctl.recordings.reader import Recording
 from benchctl.signals.reduce import ReducedStep, reduced_steps
 from benchctl.signals.step_reduction import QUIET_KINDS
 
-BREAKS = ("soak", "thermal_ramp", "power_cycle", "mount", "ask")
+BREAKS = ("soak", "thermal_ramp", "power_cycle", "mount", "ask", "home")
 LEAST_V2 = 1e-22
 """Lower limit of the variance of a mean; an output whose noise is hidden by the converter's step has no scatter."""
 _PIECES = 20

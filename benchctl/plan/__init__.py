@@ -25,12 +25,13 @@ from benchctl.plan.patterns import (
     whole_revolutions,
 )
 from benchctl.plan.procedure import POSITIVE, Parameter, Plan, Procedure, Range, procedure
-from benchctl.plan.steps import Ask, ConstantRate, Mount, PowerCycle, Role, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.plan.steps import Ask, ConstantRate, Home, Mount, PowerCycle, Role, Sine, Soak, Static, Step, ThermalRamp
 
 __all__ = [
     "POSITIVE",
     "Ask",
     "ConstantRate",
+    "Home",
     "Mount",
     "Parameter",
     "Plan",

@@ -275,12 +275,19 @@ class Ask(BaseStep):
         return f"ask: {self.says}"
 
 
-ByHand = PowerCycle | Mount | Ask
-"""Steps performed by the operator, not by an instrument of the bench."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Home(BaseStep):
+    """Turn the table to its home mark, from which its angle then counts; the operator is asked to permit it first."""
 
-Step = Soak | Static | ConstantRate | Sine | ThermalRamp | PowerCycle | Mount | Ask
+    kind: ClassVar[str] = "home"
 
-Polled = Soak | PowerCycle | Mount | Ask
+
+ByHand = PowerCycle | Mount | Ask | Home
+"""Steps performed, or permitted, by the operator."""
+
+Step = Soak | Static | ConstantRate | Sine | ThermalRamp | PowerCycle | Mount | Ask | Home
+
+Polled = Soak | PowerCycle | Mount | Ask | Home
 """Steps without streaming: only polled values are recorded."""
 
 _POSITIVE = frozenset(

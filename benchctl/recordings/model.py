@@ -92,7 +92,7 @@ DESCRIPTIONS: Mapping[str, str] = {
     },
 }
 
-_BY_HAND = ("power_cycle", "mount", "ask")
+_BY_HAND = ("power_cycle", "mount", "ask", "home")
 _POLLED_KINDS = ("soak", *_BY_HAND)
 
 
@@ -107,11 +107,11 @@ def axis_of(channel: str) -> Axis:
 class StepInfo:
     """The settings of a step and its result; the HDF5 attributes of its group.
 
-    `kind` is `soak`, `static`, `constant_rate`, `sine`, `thermal_ramp`, `power_cycle`, `mount` or `ask`; of imports
-    also `motion` (any movement), `static_points` or `unassigned`. `role` is `fit`, `verify` (held out: no fit may use
-    it) or `none` (polled steps, and those of a unit that is not mounted along). `sample_rate_hz` is the actual rate of
-    the digitizer, which may differ from the rate that the bench requests. `mounting` is empty while the unit's input
-    axis is along the table's axis, otherwise `across`, or for a unit of three axes `x up`, `x down` and so on.
+    `kind` is `soak`, `static`, `constant_rate`, `sine`, `thermal_ramp`, `power_cycle`, `mount`, `ask` or `home`; of
+    imports also `motion` (any movement), `static_points` or `unassigned`. `role` is `fit`, `verify` (held out: no fit
+    may use it) or `none` (polled steps, and those of a unit that is not mounted along). `sample_rate_hz` is the actual
+    rate of the digitizer, which may differ from the rate that the bench requests. `mounting` is empty while the unit's
+    input axis is along the table's axis, otherwise `across`, or for a unit of three axes `x up`, `x down` and so on.
     `t_start` and `t_end` are seconds since the start of the recording; of a power cycle, the times at which the supply
     went off and came on again. `gaps` counts the gaps in the stream. `digest` is empty until the step is closed.
     `frame_rate_hz` is the sample rate of the digital gyro, `frames_lost` the number of its missing frames and

@@ -28,6 +28,7 @@ KIND_COLOURS: Mapping[str, str] = {
     "power_cycle": "#D55E00",
     "mount": "#56B4E9",
     "ask": "#F0E442",
+    "home": "#8C564B",
 }
 _KIND_NAMES: Mapping[str, str] = {
     "soak": "soak",
@@ -38,6 +39,7 @@ _KIND_NAMES: Mapping[str, str] = {
     "power_cycle": "power cycle",
     "mount": "mounted by an operator",
     "ask": "done by an operator",
+    "home": "homing",
 }
 _KEPT_ASIDE: dict[str, Any] = {"linestyle": "none", "marker": "v", "markersize": 4, "color": INK}
 _FORMATS = (".svg", ".png")

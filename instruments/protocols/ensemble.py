@@ -87,8 +87,8 @@ FAULTS: Mapping[int, str] = {
 }
 """The bits of AXISFAULT by their numbers."""
 
-ABORT_DECELERATION = 73
-"""The number of the parameter for the deceleration of an axis by ABORT."""
+ABORT_DECELERATION, HOME_SPEED, HOME_RAMP = 73, 76, 78
+"""The numbers of the parameters for the deceleration of an axis by ABORT, and for the rate and ramp of homing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

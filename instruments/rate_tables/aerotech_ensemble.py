@@ -6,7 +6,8 @@ switched on as a TCP server; the port as delivered is 8000. Consequences of the 
 - A rate is a FREERUN, an angle a LINEAR by an increment, which takes the shorter way for any turn count of the axis.
   They cannot follow each other in motion: the table is brought to rest between them before the call returns.
 - After power-up the axis is not homed, as its status shows: rates need no home, an angle is refused until the axis is
-  homed at the controller.
+  homed. `HOME` is answered at its end, and nothing could stop it meanwhile; so `home` runs HomeAsync.bcx, as EPICS'
+  motorAerotech does, which must be on the controller.
 - Every stop is an ABORT: it ends both motions; its deceleration is a parameter that can be read back. The acceleration
   of a FREERUN is a RAMP RATE, which cannot.
 - A bare `%` can precede the answer to a query and is ignored. Since one could also precede a refusal, acknowledgements
@@ -40,6 +41,8 @@ from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols.ensemble import (
     ABORT_DECELERATION,
     END,
+    HOME_RAMP,
+    HOME_SPEED,
     PLANE_MOVES,
     AxisStatus,
     Outcome,
@@ -142,6 +145,9 @@ TURN = "FREERUN @{axis} {}"
 BEFORE_A_MOVE = ("WAIT MODE NOWAIT", "INC")  # the reply does not wait for the end of the move; moves are relative
 MOVE_BY = "LINEAR @{axis} {} F{}"
 ABORT = "ABORT @{axis}"
+
+HOMING = ((HOME_SPEED, "deg/s"), (HOME_RAMP, "deg/s²"))
+RUN_HOMING = ("IGLOBAL(32) = 1", "IGLOBAL(33) = {axis}", 'PROGRAM RUN 5, "HomeAsync.bcx"')
 
 CONFIRM_S = 0.5  # bench time in which the status must follow a command
 
@@ -248,7 +254,7 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
             if not self._status() & AxisStatus.HOMED:
                 raise InstrumentError(
                     f"{self._name}: an angle of {angle_deg:g} deg is commanded, and the axis is not homed: its angles"
-                    " count from where it was switched on; home it at the controller (HOME)"
+                    " count from where it was switched on; home it (the step Home, or HOME at the controller)"
                 )
             self._come_to_rest()
             by_deg = short_way_deg(self._angle_deg(), angle_deg)
@@ -294,6 +300,29 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
 
     def _begin_to_stop(self) -> None:
         self._stop("a stop before the next motion")
+
+    def _begin_to_home(self, rate_dps: float) -> None:
+        self._fail_on_fault("homing is commanded")
+        for (number, unit), value in zip(HOMING, (rate_dps, self._limits.known().acceleration_dps2), strict=True):
+            self._line.tell(f"SETPARM @{{axis}}, {number}, {{}}", value)
+            actual = self._line.ask(f"GETPARM(@{{axis}}, {number})", parse_number)
+            if not math.isclose(actual, value, rel_tol=1e-3):
+                raise InstrumentError(
+                    f"{self._name}: parameter {number} of homing should be {value:g} {unit}, it was acknowledged and"
+                    f" reads back {actual:g}; check the controller's parameters"
+                )
+        *globals_, run = RUN_HOMING
+        for command in globals_:
+            self._line.tell(command)
+        try:
+            self._line.tell(run, once=True)
+        except InstrumentError as err:
+            raise InstrumentError(f"{err}; copy HomeAsync.bcx to the controller, or home it there (HOME)") from err
+
+    def _is_homed(self) -> bool:
+        self._fail_on_fault("homing was commanded")
+        status = self._status()
+        return bool(status & AxisStatus.HOMED) and not status & AxisStatus.HOMING and not self._moves()
 
     def _stop(self, what: str) -> None:
         self._line.tell(ABORT)

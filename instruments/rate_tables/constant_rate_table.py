@@ -69,6 +69,7 @@ class AxisDialogue(ABC):
 _LONGEST_STOP_S = 30.0  # bench time, if no limits are known
 _POLL_S = 0.05
 _SPARE_S = 2.0
+_HOME_DPS = 10.0
 
 
 class KeptLimits:
@@ -204,6 +205,8 @@ class ConstantRateTable(Instrument, ABC, Generic[Dialogue]):
     | `_moves`          | returns whether the table moves                                              |
     | `_begin_to_stop`  | starts a stop before another motion                                          |
     | `_switch_off`     | switches the servo of a table at rest off, and confirms it                   |
+    | `_begin_to_home`  | sets the rate [deg/s] of a table at rest for homing, and starts it           |
+    | `_is_homed`       | returns whether homing has ended; raises if it ended elsewhere               |
 
     Parameters
     ----------
@@ -261,6 +264,23 @@ class ConstantRateTable(Instrument, ABC, Generic[Dialogue]):
         """Always raise `UsageError`: no public source documents the commands."""
         refuse_to_oscillate(self._name, self._controller)
 
+    def home(self, meanwhile: Callable[[], None]) -> None:
+        """Turn at 10 deg/s at most to the home mark, from which the angle then counts; see `interfaces.Homes`."""
+        with self._lock:
+            rate_dps = min(_HOME_DPS, self._limits.known().rate_dps)
+            self._come_to_rest()
+            self._begin_to_home(rate_dps)
+        deadline_s = self._clock.now() + 2.0 * 360.0 / rate_dps + self._limits.longest_stop_s()
+        meanwhile()
+        while not self._is_homed():
+            if self._clock.now() > deadline_s:
+                raise InstrumentError(
+                    f"{self._name}: homing was commanded and does not end; it turns at {self._rate_dps():.3f} deg/s;"
+                    " look at the home mark and the controller"
+                )
+            meanwhile()
+        self._acceleration.forget()
+
     def read(self) -> TableReading:
         """Return angle and rate from two queries; the acceleration is derived from the rates."""
         with self._lock:
@@ -286,6 +306,12 @@ class ConstantRateTable(Instrument, ABC, Generic[Dialogue]):
 
     @abstractmethod
     def _switch_off(self) -> None: ...
+
+    @abstractmethod
+    def _begin_to_home(self, rate_dps: float) -> None: ...
+
+    @abstractmethod
+    def _is_homed(self) -> bool: ...
 
     def _come_to_rest(self) -> None:
         if not self._moves():

@@ -13,8 +13,8 @@ on an ESP301; an ESP302 also answers at TCP port 5001. Consequences of the sourc
 - An ESP300 sent an unsolicited error before an answer; such a line is ignored, since the queue contains it too.
 - Acceleration and deceleration are programmed. The driver keeps the limit on the rate and refuses higher rates; a
   software limit of the angle (`SL`, `SR`), if set, causes a fault when a turning table reaches it.
-- After power-up the axis counts from its present angle until it is homed (`1OR`), and no query shows which: home it if
-  angles matter. Rates need no home.
+- After power-up the axis counts from its present angle until it is homed (`1OR`), and no query shows which: `home`
+  it if angles matter. Rates need no home.
 - No public source describes a sinusoid: `oscillate` is refused. Nor does one name a query for the acceleration: it is
   derived from successive rates.
 
@@ -190,6 +190,8 @@ STOP = "{axis}ST"
 TURN = {1: "{axis}MV+", -1: "{axis}MV-"}
 GO_TO = "{axis}PA{}"
 VELOCITY = "{axis}VA"  # deg/s
+HOME, HOME_VELOCITY = "{axis}OR1", "{axis}OH"  # to the home switch and the index; deg/s
+ASK_HOME_ANGLE = "{axis}DH?"  # deg, the angle there
 RAMPS = ("{axis}AC", "{axis}AG")  # acceleration, deceleration [deg/s²]
 
 NEAR_DEG = 0.1  # a table at rest this near to an angle has reached it
@@ -365,6 +367,23 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
 
     def _begin_to_stop(self) -> None:
         self._stop()
+
+    def _begin_to_home(self, rate_dps: float) -> None:
+        self._look_for_faults("homing is commanded")
+        self._line.write(HOME_VELOCITY, rate_dps)
+        self._line.tell(HOME)
+
+    def _is_homed(self) -> bool:
+        if not self._at_rest():
+            return False
+        self._confirm("homing")
+        home_deg = self._sign * self._line.ask(ASK_HOME_ANGLE, parse_number)
+        if abs(short_way_deg(home_deg, self._angle_deg())) > NEAR_DEG:
+            raise InstrumentError(
+                f"{self._name}: homing was commanded and not refused, but the table rests at"
+                f" {self._angle_deg() % 360.0:g} deg, expected {home_deg:g}; look at the controller"
+            )
+        return True
 
     def _stop(self) -> None:
         self._turns = 0

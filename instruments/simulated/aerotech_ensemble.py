@@ -23,6 +23,8 @@ from benchctl_instruments.physics.table import TableParameters
 from benchctl_instruments.protocols.ensemble import (
     ABORT_DECELERATION,
     END,
+    HOME_RAMP,
+    HOME_SPEED,
     PLANE_MOVES,
     AxisStatus,
     EnsembleCommand,
@@ -46,7 +48,7 @@ HOME_PROGRAM = "HOMEASYNC.BCX"  # homes the axis of IGLOBAL(33) and answers at o
 POSITION_ERROR, CW_SOFTWARE_LIMIT, CCW_SOFTWARE_LIMIT, RATE_COMMAND, EMERGENCY_STOP, RATE_ERROR = 0, 4, 5, 10, 11, 12
 # numbers of parameters
 COUNTS_PER_UNIT, LOW_LIMIT, HIGH_LIMIT, FEEDBACK_TYPE = 2, 37, 38, 47
-DEFAULT_SPEED, DEFAULT_RAMP, HOME_SPEED, HOME_OFFSET, HOME_RAMP = 71, 72, 76, 77, 78
+DEFAULT_SPEED, DEFAULT_RAMP, HOME_OFFSET = 71, 72, 77
 AXIS_NAME, TIMEOUT_MS = 140, 202
 PARAMETERS = {  # in addition to rates and ramps; both software limits 0: none [deg]
     **dict.fromkeys((1, LOW_LIMIT, HIGH_LIMIT, 61, 74, 75, HOME_OFFSET), 0.0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
@@ -79,6 +80,13 @@ class DirectRateTable(_Direct):
             raise UsageError(f"an angle of {angle_deg} deg; give a finite one")
         here_deg = self._table.motion().angle_deg
         self._table.demand_angle(here_deg + math.remainder(angle_deg - here_deg, 360.0))
+
+    def home(self, meanwhile: Callable[[], None]) -> None:
+        """Turn to the angle 0, the home mark."""
+        self.go_to_angle(0.0)
+        meanwhile()
+        while _moves(self._table.motion()):
+            meanwhile()
 
     def oscillate(self, amplitude_dps: float, frequency_hz: float) -> None:
         """Start to oscillate about the present angle; full amplitude after two periods if the limits permit it."""

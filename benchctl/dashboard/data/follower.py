@@ -31,6 +31,7 @@ _POLLED = {
     "power_cycle": "waiting for the unit's supply",
     "mount": "waiting for the unit to be mounted",
     "ask": "waiting for the operator",
+    "home": "waiting for the table to be homed",
 }
 _LONGEST_S = 1e12
 
@@ -268,7 +269,7 @@ def _age_s(path: Path) -> float:
 
 _SILENCE_S = 10.0
 """Default for benches that do not state how long their instruments may be silent."""
-_BY_HAND = ("power_cycle", "mount", "ask")
+_BY_HAND = ("power_cycle", "mount", "ask", "home")
 
 
 def patience_s(state: RunState, readings: Readings, bench: Bench | None) -> float | None:

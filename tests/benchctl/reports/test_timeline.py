@@ -1,7 +1,7 @@
 import pytest
 
 from benchctl.bench import Limits
-from benchctl.plan import Ask, ConstantRate, Mount, Plan, PowerCycle, Sine, Soak, Static, ThermalRamp
+from benchctl.plan import Ask, ConstantRate, Home, Mount, Plan, PowerCycle, Sine, Soak, Static, ThermalRamp
 from benchctl.reports.timeline import KIND_COLOURS, draw_timeline, timeline_figure
 from benchctl_instruments.errors import UsageError
 
@@ -15,6 +15,7 @@ STEPS = (
     PowerCycle(off_s=60.0),
     Mount(position="across"),
     Ask(says="close the chamber's door"),
+    Home(),
 )
 SPANS = [
     (0.0, 3600.0, 20.0),
@@ -25,6 +26,7 @@ SPANS = [
     (6130.0, 6190.0, -20.0),
     (6190.0, 6310.0, -20.0),
     (6310.0, 6430.0, -20.0),
+    (6430.0, 6550.0, -20.0),
 ]
 
 
@@ -36,7 +38,7 @@ def test_rates_are_bars_of_their_kinds_colour_and_the_chamber_a_line():
     chamber, table = timeline_figure(plan(*STEPS), SPANS).axes
     assert [bar.get_height() for bar in table.patches] == [100.0, 165.0, 10.0]
     assert chamber.lines[0].get_ydata()[-1] == -20.0
-    assert chamber.lines[0].get_xdata()[-1] == pytest.approx(6430 / 3600)
+    assert chamber.lines[0].get_xdata()[-1] == pytest.approx(6550 / 3600)
     assert chamber.get_ylabel() == "chamber's set point (°C)"
     assert table.get_xlabel() == "bench time (h)"
     assert table.get_ylabel() == "largest |rate| (°/s)"

@@ -201,7 +201,7 @@ def test_a_cut_link_is_no_matter_between_two_exchanges(enabled: Ensemble, server
 def test_an_angle_is_refused_until_the_axis_is_homed(server: SimulatedEnsemble, enabled: Ensemble) -> None:
     server.restart()
     enabled.enable()
-    with pytest.raises(InstrumentError, match=r"the axis is not homed: .* home it at the controller \(HOME\)"):
+    with pytest.raises(InstrumentError, match=r"the axis is not homed: .* home it \(the step Home, or HOME"):
         enabled.go_to_angle(10.0)
     enabled.go_to_rate(10.0)  # needs no home
     enabled.stop()

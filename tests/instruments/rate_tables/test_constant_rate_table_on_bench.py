@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from benchctl_instruments.catalog import driver, twin
-from benchctl_instruments.interfaces import RateTable, TableLimits, TableState
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import Homes, RateTable, TableLimits, TableState
 from benchctl_instruments.simulated.clock import VirtualClock
 from benchctl_instruments.simulated.world import World
 from tests.instruments.table_machine import home
@@ -136,3 +137,60 @@ def test_an_emergency_stop_in_motion_lets_the_table_run_out(table: RateTable, se
     server.close_interlock()
     table.enable()
     assert table.state() is TableState.AT_REST
+
+
+@pytest.mark.parametrize("at_home", [False, True])
+def test_it_homes_slowly_and_counts_from_there(
+    table: RateTable, world: World, clock: VirtualClock, at_home: bool
+) -> None:
+    assert isinstance(table, Homes)
+    if not at_home:
+        table.go_to_angle(70.0)
+        clock.sleep(5.0)
+    rates: list[float] = []
+
+    def meanwhile() -> None:
+        clock.sleep(0.1)
+        rates.append(abs(world.table.motion().rate_dps))
+
+    table.home(meanwhile)
+    assert max(rates) == pytest.approx(0.0 if at_home else 10.0, abs=0.5)
+    assert table.state() is TableState.AT_REST
+    assert (world.table.motion().angle_deg + 180.0) % 360.0 == pytest.approx(180.0, abs=0.01)
+    assert (table.read().angle_deg + 180.0) % 360.0 == pytest.approx(180.0, abs=0.02)
+    table.go_to_rate(50.0)  # the rates and ramps of other motions are as before
+    clock.sleep(1.0)
+    assert table.read().rate_dps == pytest.approx(50.0, rel=1e-2)
+
+
+def test_homing_that_is_ended_leaves_a_table_that_stops(table: RateTable, clock: VirtualClock) -> None:
+    assert isinstance(table, Homes)
+    table.go_to_angle(70.0)
+    clock.sleep(5.0)
+
+    def meanwhile() -> None:
+        clock.sleep(0.5)
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        table.home(meanwhile)
+    assert table.state() is TableState.MOVING
+    table.stop()
+    clock.sleep(1.0)
+    assert table.state() is TableState.AT_REST
+    assert 50.0 < table.read().angle_deg < 70.0
+
+
+def test_a_table_that_meets_an_emergency_stop_while_it_homes_is_told(
+    table: RateTable, server: Any, clock: VirtualClock
+) -> None:
+    assert isinstance(table, Homes)
+    table.go_to_angle(70.0)
+    clock.sleep(5.0)
+
+    def meanwhile() -> None:
+        clock.sleep(0.5)
+        server.open_interlock()
+
+    with pytest.raises(InstrumentError, match=r"homing was commanded: .*remove the cause"):
+        table.home(meanwhile)
