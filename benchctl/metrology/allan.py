@@ -371,7 +371,7 @@ def _analysed(series: Series) -> Allan:
         )
     factors = averaging_factors(samples)
     tau_s = np.asarray(factors * series.interval_s, dtype=np.float64)
-    values = deviation(series.values, factors, series.interval_s)
+    values = deviation(series.values, factors)
     fitted = factors <= samples / LONGEST_SHARE
     scatter = AllanScatter(factors, samples, series.interval_s)
     terms = terms_of(values[fitted] ** 2, factors[fitted], series.interval_s, scatter)

@@ -1,7 +1,7 @@
-"""Compute the Allan deviation and related deviations of an evenly sampled rate.
+"""Compute the overlapping Allan deviation of an evenly sampled rate.
 
-All are based on mean squares of differences of the integrated rate x, which NIST calls phase: x has one point more than
-there are samples, and begins at 0. `kernels` has the inner loops.
+It is based on mean squares of second differences of the integrated rate x, which NIST calls phase: x has one point more
+than there are samples, and begins at 0. `kernels` has the inner loops.
 
 Source: W. J. Riley, Handbook of Frequency Stability Analysis, NIST Special Publication 1065 (2008), section 5.2. The
 tests compare with the numbers printed there.
@@ -11,34 +11,28 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import nullcontext
-from functools import partial
-from typing import Literal
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from threadpoolctl import threadpool_limits
 
-from benchctl.metrology.kernels import RUN, Kernels, by_numpy, room
+from benchctl.metrology.kernels import Kernels, by_numpy, room
 from benchctl.side_by_side import cores, in_order
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 
-Kind = Literal["adev", "oadev", "mdev", "tdev", "hdev", "ohdev", "totdev"]
-
-_ALONE = np.array([1])
 _MANY = 10_000
 """Number of terms above which BLAS sums squares on several threads, which then wait for each other and for ours."""
 _NUMBA_PAYS = 2_000_000_000
 """Number of differences above which numba is faster, although its import takes half a second."""
 
 
-def deviation(rates: FloatArray, factors: IntArray, interval_s: float, kind: Kind = "oadev") -> FloatArray:
-    """Compute the deviations (k,) of rates of shape (n,), sampled every `interval_s`, over `factors` samples each.
+def deviation(rates: FloatArray, factors: IntArray) -> FloatArray:
+    """Compute the deviations (k,) of rates of shape (n,) over `factors` samples each, in the unit of the rates.
 
-    In the unit of the rates; `tdev` in that unit times seconds. NaN if the record is too short for a factor. Uses all
-    cores, and as much additional memory as the rates take.
+    NaN if the record is too short for a factor. Uses all cores, and as much additional memory as the rates take.
 
     Raises
     ------
@@ -49,10 +43,10 @@ def deviation(rates: FloatArray, factors: IntArray, interval_s: float, kind: Kin
         raise UsageError(f"expected averaging factors of at least 1, got {int(factors.min())}")
     kernels = kernels_for(rates.size * factors.size)
     phase = integrated(rates, kernels)
+    terms = phase.size - 2 * factors
     with threadpool_limits(limits=1, user_api="blas") if phase.size > _MANY else nullcontext():
-        variance = _VARIANCES[kind](phase, factors, kernels)
-    found = np.asarray(np.sqrt(variance))
-    return found * factors * (interval_s / np.sqrt(3.0)) if kind == "tdev" else found
+        sums = sums_of_squares(phase, factors, kernels)
+    return np.asarray(np.sqrt(np.where(terms > 0, sums, np.nan) / (2.0 * np.maximum(terms, 1) * factors**2.0)))
 
 
 def kernels_for(differences: int) -> Kernels:
@@ -71,53 +65,6 @@ def compiled() -> Kernels:
     except (ImportError, RuntimeError):
         return by_numpy()
     return Kernels(running_sums=kernels_numba.running_sums, squares=kernels_numba.squares)
-
-
-def _overlapping(phase: FloatArray, factors: IntArray, kernels: Kernels, order: int) -> FloatArray:
-    """Variance from all differences, with starts one sample apart."""
-    return _mean(sums_of_squares(phase, factors, order, kernels), phase.size - order * factors, factors, order)
-
-
-def _apart(phase: FloatArray, factors: IntArray, kernels: Kernels, order: int) -> FloatArray:
-    """Variance from differences with starts one averaging time apart."""
-    ends = (np.ascontiguousarray(phase[::m]) for m in factors.tolist())
-    sums = [sums_of_squares(each, _ALONE, order, kernels)[0] for each in ends]
-    return _mean(np.array(sums), (phase.size - 1) // factors + 1 - order, factors, order)
-
-
-def _modified(phase: FloatArray, factors: IntArray, _: Kernels) -> FloatArray:
-    """Variance from differences that are also averaged over the averaging time."""
-    return _mean(sums_of_squared_averages(phase, factors), phase.size - 3 * factors + 1, factors, 2)
-
-
-def _total(phase: FloatArray, factors: IntArray, kernels: Kernels) -> FloatArray:
-    """Variance from the phase extended by its reflection about either end."""
-    sums = [sums_of_squares(_reflected(phase, m), np.array([m]), 2, kernels)[0] for m in factors.tolist()]
-    return _mean(np.array(sums), np.where(factors < phase.size - 1, phase.size - 2, 0), factors, 2)
-
-
-def _reflected(phase: FloatArray, m: int) -> FloatArray:
-    """Extend the phase at either end by the points whose differences include points of the phase."""
-    before = 2.0 * phase[0] - phase[m - 1 : 0 : -1]
-    behind = 2.0 * phase[-1] - phase[-2 : -m - 1 : -1]
-    return np.concatenate([before, phase, behind])
-
-
-def _mean(sums: FloatArray, terms: IntArray, factors: IntArray, order: int) -> FloatArray:
-    """Mean of squared differences, divided by the factor for white noise (2 or 6 variances); NaN without terms."""
-    size = {2: 2.0, 3: 6.0}[order]
-    return np.where(terms > 0, sums, np.nan) / (size * np.maximum(terms, 1) * factors**2.0)
-
-
-_VARIANCES: Mapping[Kind, Callable[[FloatArray, IntArray, Kernels], FloatArray]] = {
-    "adev": partial(_apart, order=2),
-    "oadev": partial(_overlapping, order=2),
-    "mdev": _modified,
-    "tdev": _modified,
-    "hdev": partial(_apart, order=3),
-    "ohdev": partial(_overlapping, order=3),
-    "totdev": _total,
-}
 
 
 _ROWS = 2
@@ -167,47 +114,6 @@ def _phase_mean(rates: FloatArray) -> float:
         return float(rates.mean())
 
 
-_LONG = 1 << 20
-"""Number of phase points above which several cores are used, each for a factor."""
-
-
-def sums_of_squared_averages(phase: FloatArray, factors: IntArray) -> FloatArray:
-    """Sums of squares of averages over m consecutive second differences, for factors m of shape (k,); 0 if none."""
-    workers = cores() if phase.size > _LONG else 1
-    return np.array(list(in_order(partial(_of_one, phase), factors.tolist(), workers)))
-
-
-def _of_one(phase: FloatArray, m: int) -> float:
-    """Sum for one factor; each average is the previous one plus the entering and minus the leaving difference."""
-    averages = phase.size - 3 * m + 1
-    if averages < 1:
-        return 0.0
-    rooms = np.empty((3, min(RUN, phase.size)))
-    last = sum(float(_second(phase, m, k, min(k + RUN, m), rooms[:2]).sum()) for k in range(0, m, RUN))
-    total = last**2
-    for begin in range(0, averages - 1, RUN):
-        end = min(begin + RUN, averages - 1)
-        out = _second(phase, m, begin, end, rooms[:2])
-        into = _second(phase, m, begin + m, end + m, rooms[1:])
-        steps = np.subtract(into, out, out=out)
-        steps[0] += last
-        sums = np.cumsum(steps, out=rooms[1, : steps.size])
-        total += float(sums @ sums)
-        last = float(sums[-1])
-    return total / m**2
-
-
-def _second(phase: FloatArray, m: int, begin: int, end: int, rooms: FloatArray) -> FloatArray:
-    """Compute the second differences `begin` to `end` in the first of two buffers."""
-    later: FloatArray
-    later, earlier = rooms[:, : end - begin]
-    middle = phase[begin + m : end + m]
-    np.subtract(phase[begin + 2 * m : end + 2 * m], middle, out=later)
-    np.subtract(middle, phase[begin:end], out=earlier)
-    later -= earlier
-    return later
-
-
 _SHORT = 1 << 13
 """The longest of the short lags, in samples."""
 _DIFFERENCES_SPAN = 1 << 20
@@ -218,28 +124,27 @@ _NARROWEST = 1 << 6
 """Minimum number of columns of a piece; a multiple of 8, so that all rows have the same cache-line alignment."""
 
 
-def sums_of_squares(phase: FloatArray, lags: IntArray, order: int, kernels: Kernels) -> FloatArray:
-    """Return the sums of squares, shape (k,), of all differences of order 2 or 3 of a phase (n,) over lags (k,).
+def sums_of_squares(phase: FloatArray, lags: IntArray, kernels: Kernels) -> FloatArray:
+    """Return the sums of squares, shape (k,), of all second differences of a phase (n,) over lags (k,).
 
-    0 if there is no difference. Order 2 is the difference of neighbouring averages, order 3 that of two such
-    differences. The kernels work piece by piece, so that a piece stays in a core's cache, and several cores process
-    one piece each; the number of cores does not change the sums. For short lags a piece is a run of points. Points a
-    long lag apart do not share a cache: then the phase is arranged in rows as long as the lag, and a piece is a copy
-    of some columns. Lags that are multiples of one, as in an octave or decade grid, share the pieces, so that the
-    record is read from memory once for all of them.
+    0 if there is no difference. The kernels work piece by piece, so that a piece stays in a core's cache, and several
+    cores process one piece each; the number of cores does not change the sums. For short lags a piece is a run of
+    points. Points a long lag apart do not share a cache: then the phase is arranged in rows as long as the lag, and a
+    piece is a copy of some columns. Lags that are multiples of one, as in an octave or decade grid, share the pieces,
+    so that the record is read from memory once for all of them.
     """
     found = dict.fromkeys(lags.tolist(), 0.0)
     short = np.array(sorted(lag for lag in found if lag <= _SHORT), dtype=np.int64)
     workers = min(cores(), math.ceil(phase.size / _DIFFERENCES_SPAN))
 
     def of_points(begin: int) -> tuple[IntArray, FloatArray]:
-        return short, kernels.squares(phase, short, order, begin, min(begin + _DIFFERENCES_SPAN, phase.size))
+        return short, kernels.squares(phase, short, begin, min(begin + _DIFFERENCES_SPAN, phase.size))
 
     def of_columns(piece: tuple[int, IntArray, slice]) -> tuple[IntArray, FloatArray]:
         base, multiples, columns = piece
         points = _copied(phase, base, columns)
         lags = multiples * points.shape[1]
-        return multiples * base, kernels.squares(points.reshape(-1), lags, order, 0, points.size)
+        return multiples * base, kernels.squares(points.reshape(-1), lags, 0, points.size)
 
     pieces = _pieces(phase.size, sorted(lag for lag in found if _SHORT < lag < phase.size))
     for done in (

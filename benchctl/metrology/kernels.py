@@ -27,13 +27,13 @@ class Kernels:
 
     `running_sums(rates, mean, sums)` fills `sums` with the running sums of the rates minus their mean, row by row, and
     returns the last of each row; rates and sums have shape (rows, n).
-    `squares(phase, lags, order, begin, end)` returns the sums of squares, shape (k,), of the differences that begin
-    at these points, over lags of shape (k,) that fit into a core's cache. The order is 2 or 3; a difference that would
-    end after the phase does not count.
+    `squares(phase, lags, begin, end)` returns the sums of squares, shape (k,), of the second differences that begin
+    at these points, over lags of shape (k,) that fit into a core's cache; a difference that would end after the phase
+    does not count.
     """
 
     running_sums: Callable[[FloatArray, float, FloatArray], FloatArray]
-    squares: Callable[[FloatArray, IntArray, int, int, int], FloatArray]
+    squares: Callable[[FloatArray, IntArray, int, int], FloatArray]
 
 
 def by_numpy() -> Kernels:
@@ -54,18 +54,18 @@ def running_sums(rates: FloatArray, mean: float, sums: FloatArray) -> FloatArray
     return sums[:, -1].copy()
 
 
-def squares(phase: FloatArray, lags: IntArray, order: int, begin: int, end: int) -> FloatArray:
+def squares(phase: FloatArray, lags: IntArray, begin: int, end: int) -> FloatArray:
     """See `Kernels`; all lags process one run of points before the next."""
-    widest = min(RUN, phase.size) + (order - 1) * int(lags.max(initial=0))
+    widest = min(RUN, phase.size) + int(lags.max(initial=0))
     widest += -widest % 8
     rooms = room(2 * widest).reshape(2, widest)
     sums = np.zeros(lags.size)
     for first in range(begin, end, RUN):
         last = min(first + RUN, end)
         for place, lag in enumerate(lags.tolist()):
-            values = phase[first : last + order * lag]
-            if values.size > order * lag:
-                for level in range(order):
-                    values = np.subtract(values[lag:], values[:-lag], out=rooms[level % 2, : values.size - lag])
+            values = phase[first : last + 2 * lag]
+            if values.size > 2 * lag:
+                for kept in rooms:
+                    values = np.subtract(values[lag:], values[:-lag], out=kept[: values.size - lag])
                 sums[place] += values @ values
     return sums

@@ -43,7 +43,7 @@ def _two_running_sums(
 
 
 @njit(nogil=True, cache=True)
-def squares(phase: FloatArray, lags: IntArray, order: int, begin: int, end: int) -> FloatArray:
+def squares(phase: FloatArray, lags: IntArray, begin: int, end: int) -> FloatArray:
     """See `Kernels`; all lags process one run of points before the next."""
     sums = np.zeros(lags.size)
     for first in range(begin, end, RUN):
@@ -51,12 +51,12 @@ def squares(phase: FloatArray, lags: IntArray, order: int, begin: int, end: int)
         place = 0
         while place < lags.size:
             lag, alone_from = lags[place], first
-            together = 3 if order == 2 and _each_twice_the_one_before(lags[place : place + 3]) else 1
+            together = 3 if _each_twice_the_one_before(lags[place : place + 3]) else 1
             if together == 3:
                 alone_from = max(first, min(last, phase.size - 8 * lag))
                 sums[place : place + 3] += _second_over_three(phase, lag, first, alone_from)
             for one in range(place, place + together):
-                sums[one] += _of_run(phase, lags[one], order, alone_from, last)
+                sums[one] += _of_run(phase, lags[one], alone_from, last)
             place += together
     return sums
 
@@ -83,30 +83,14 @@ def _second_over_three(phase: FloatArray, lag: int, begin: int, end: int) -> Flo
     return np.array([over_one, over_two, over_four])
 
 
-@njit(nogil=True, cache=True)
-def _of_run(phase: FloatArray, lag: int, order: int, begin: int, end: int) -> float:
-    end = min(end, phase.size - order * lag)
+@njit(nogil=True, cache=True, fastmath=_ANY_ORDER)
+def _of_run(phase: FloatArray, lag: int, begin: int, end: int) -> float:
+    end = min(end, phase.size - 2 * lag)
     if end <= begin:
         return 0.0
     first, second, third = phase[begin:end], phase[begin + lag : end + lag], phase[begin + 2 * lag : end + 2 * lag]
-    if order == 2:
-        return _second(first, second, third)
-    return _third(first, second, third, phase[begin + 3 * lag : end + 3 * lag])
-
-
-@njit(nogil=True, cache=True, fastmath=_ANY_ORDER)
-def _second(first: FloatArray, second: FloatArray, third: FloatArray) -> float:
     total = 0.0
     for k in range(first.size):
         one = third[k] - 2.0 * second[k] + first[k]
-        total += one * one
-    return total
-
-
-@njit(nogil=True, cache=True, fastmath=_ANY_ORDER)
-def _third(first: FloatArray, second: FloatArray, third: FloatArray, fourth: FloatArray) -> float:
-    total = 0.0
-    for k in range(first.size):
-        one = fourth[k] - 3.0 * (third[k] - second[k]) - first[k]
         total += one * one
     return total

@@ -65,11 +65,11 @@ def _by(means: str, rates: FloatArray, grids: Sequence[str] = GRIDS, turns: int 
     for grid in grids:
         tau_s, expected, _, _ = oadev(rates, rate=RATE_HZ, data_type="freq", taus=grid)
         factors = np.round(tau_s * RATE_HZ).astype(np.int64)
-        apart = float(np.max(np.abs(deviation(rates, factors, 1.0 / RATE_HZ) / expected - 1.0)))
+        apart = float(np.max(np.abs(deviation(rates, factors) / expected - 1.0)))
         if not apart <= SAME[rates.size]:
             raise RuntimeError(f"{grid} grid, {means}: differs from allantools by {apart:.1e} of itself")
         ours_s, theirs_s = alternating(
-            lambda factors=factors: _wall_s(lambda: deviation(rates, factors, 1.0 / RATE_HZ)),
+            lambda factors=factors: _wall_s(lambda: deviation(rates, factors)),
             lambda grid=grid: _wall_s(lambda: oadev(rates, rate=RATE_HZ, data_type="freq", taus=grid)),
             turns,
         )

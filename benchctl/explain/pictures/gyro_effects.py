@@ -286,7 +286,7 @@ def _allan(scene: Scene, noises: list[tuple[str, str, FloatArray]], v_per_dps: f
     curves = []
     tau_s = np.asarray(factors * interval_s, dtype=np.float64)
     for look, label, volts in noises:
-        deviations = _DEG_PER_H / v_per_dps * deviation(volts, factors, interval_s)
+        deviations = _DEG_PER_H / v_per_dps * deviation(volts, factors)
         curves.append(SketchedCurve(x=tau_s, y=deviations, look="on" if look == "on" else "off", label=label))
     return Panel(x="averaging time τ (s)", y="Allan deviation (°/h)", curves=tuple(curves), logarithmic="xy", share=1.3)
 

@@ -28,7 +28,7 @@ def test_averaging_times_go_from_one_sample_to_a_third_of_the_record(samples: in
 
 def test_deviations_lie_in_their_intervals_which_widen_with_the_averaging_time() -> None:
     found = analysed(series(record(np.random.default_rng(1), 20_000, 0.1, n=1.0, k=0.05)))
-    assert found.deviation == pytest.approx(deviation(found.series.values, averaging_factors(20_000), 0.1))
+    assert found.deviation == pytest.approx(deviation(found.series.values, averaging_factors(20_000)))
     assert (found.ci95[:, 0] < found.deviation).all()
     assert (found.deviation < found.ci95[:, 1]).all()
     width = found.ci95[:, 1] / found.ci95[:, 0]

@@ -106,7 +106,7 @@ def squares(term: str) -> FloatArray:
 def test_variances_of_many_records_scatter_as_predicted_and_together(term: str) -> None:
     chance = np.random.default_rng(4)
     made = np.array(
-        [deviation(record(chance, SHORT, SLOW_S, **{term.lower(): 1.0}), FACTORS, SLOW_S) ** 2 for _ in range(1500)]
+        [deviation(record(chance, SHORT, SLOW_S, **{term.lower(): 1.0}), FACTORS) ** 2 for _ in range(1500)]
     )
     predicted = AllanScatter(FACTORS, SHORT, SLOW_S).covariance(squares(term))
     scale = np.sqrt(np.diag(predicted))
@@ -127,7 +127,7 @@ def test_a_ramp_lets_the_noise_beside_it_scatter_more() -> None:
     scatter = AllanScatter(FACTORS, SHORT, SLOW_S)
     chance = np.random.default_rng(5)
     ramp = 0.5 * SLOW_S * np.arange(SHORT)
-    made = [deviation(ramp + record(chance, SHORT, SLOW_S, n=1.0), FACTORS, SLOW_S) ** 2 for _ in range(1500)]
+    made = [deviation(ramp + record(chance, SHORT, SLOW_S, n=1.0), FACTORS) ** 2 for _ in range(1500)]
     predicted = scatter.covariance(squares("N") + 0.25 * squares("R"))
     assert np.std(made, axis=0) == pytest.approx(np.sqrt(np.diag(predicted)), rel=0.12)
     assert predicted[-1, -1] > 1.5 * scatter.covariance(squares("N"))[-1, -1]
