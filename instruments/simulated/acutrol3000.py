@@ -349,15 +349,11 @@ class SimulatedAcutrol3000(TableServer):
     ----------
     table
         The axis; its present limits become the factory limits.
-    host, port, pace_baud
-        See `TcpServer`.
     """
 
     wire: Wire = Lines(refusal_line=encode_reply("00000000", "ERROR not now"))
 
-    def __init__(
-        self, table: TableMachine, *, host: str = "127.0.0.1", port: int = 0, pace_baud: int | None = None
-    ) -> None:
+    def __init__(self, table: TableMachine) -> None:
         controller = AcutrolController(table)
 
         def connect() -> LineConversation:
@@ -366,7 +362,7 @@ class SimulatedAcutrol3000(TableServer):
                 lambda line: encode_reply(f"{next(count) % 10**8:08d}", controller.execute(line)), LineCutter()
             )
 
-        super().__init__(controller, TcpServer(connect, host=host, port=port, pace_baud=pace_baud))
+        super().__init__(controller, TcpServer(connect))
 
 
 Twin = SimulatedAcutrol3000

@@ -428,23 +428,13 @@ class SimulatedEnsemble(TableServer):
     ----------
     table
         The axis; its present limits become those of the drive.
-    host, port, pace_baud
-        See `TcpServer`.
     bare_lines
         Precede data with a bare `%` line, as observed on real controllers.
     """
 
     wire: Wire = Lines(refusal_line=encode_reply(Reply(outcome=Outcome.REFUSED)))
 
-    def __init__(
-        self,
-        table: TableMachine,
-        *,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        pace_baud: int | None = None,
-        bare_lines: bool = False,
-    ) -> None:
+    def __init__(self, table: TableMachine, *, bare_lines: bool = False) -> None:
         controller = EnsembleController(table)
         bare = encode_reply(Reply(outcome=Outcome.DONE)) if bare_lines else b""
 
@@ -452,8 +442,7 @@ class SimulatedEnsemble(TableServer):
             reply = controller.execute(line)
             return bare * bool(reply.data) + encode_reply(reply)
 
-        server = TcpServer(lambda: LineConversation(answer, LineCutter(END)), host=host, port=port, pace_baud=pace_baud)
-        super().__init__(controller, server)
+        super().__init__(controller, TcpServer(lambda: LineConversation(answer, LineCutter(END))))
 
 
 Twin = SimulatedEnsemble

@@ -102,7 +102,7 @@ class SimulatedBench:
     effects
         Effects in addition to the baseline.
     options
-        Further keywords of the twins, by instrument: a port, a pace.
+        Further keywords of the twins, by instrument: a pace.
     faults
         Faults of the links and machines, and when they occur.
     gyro

@@ -275,9 +275,8 @@ class SimulatedEspecP300(LineServer):
     rs485_address
         Its number on RS-485; None: it is not on RS-485.
     over_tcp
-        Serve at a serial-to-Ethernet box; otherwise on a serial line at 9600 baud, see `SerialLine`.
-    host, port
-        Where to listen, `over_tcp`; several clients may use it at once.
+        Serve at a serial-to-Ethernet box, to several clients at once; otherwise on a serial line at 9600 baud, see
+        `SerialLine`.
     pace_baud
         Simulated speed of the line; None: no delay.
 
@@ -292,12 +291,10 @@ class SimulatedEspecP300(LineServer):
         *,
         rs485_address: int | None = None,
         over_tcp: bool = True,
-        host: str = "127.0.0.1",
-        port: int = 0,
         pace_baud: int | None = None,
     ) -> None:
         self.controller = P300Controller(chamber, rs485_address=rs485_address)
-        super().__init__(self.controller.execute, over_tcp=over_tcp, host=host, port=port, pace_baud=pace_baud)
+        super().__init__(self.controller.execute, over_tcp=over_tcp, pace_baud=pace_baud)
 
 
 Twin = SimulatedEspecP300

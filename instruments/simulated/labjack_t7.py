@@ -39,6 +39,7 @@ SCAN_CLOCK_HZ, LONGEST_COUNT = 10_000_000, 1 << 16
 CORE_AT_START = 0xF000_0000  # not zero: it has been on for a while, and wraps soon
 DEFAULT_BUFFER_BYTES, LARGEST_BUFFER_BYTES = 4096, 32768
 ETHERNET = 1
+SERIAL = 470_012_345
 FEEDBACK, FEEDBACK_FRAME = 76, struct.Struct(">BHB")  # LabJack's own function; of a frame: 1 writes, address, registers
 
 STREAM_RUNS, LIST_INVALID, RATE_INVALID, TARGET_INVALID = 2605, 2607, 2608, 2612
@@ -65,10 +66,6 @@ class SimulatedLabJackT7(Served):
         The signals at its terminals.
     encoder_channel, gyro_ain, thermistor_ain
         The wiring of the terminals, as in `T7Terminals`.
-    serial
-        Its serial number.
-    host, port, stream_port
-        Where its registers and its stream are served; port 0 takes a free one.
     """
 
     wire: Wire = MODBUS_TCP
@@ -80,13 +77,8 @@ class SimulatedLabJackT7(Served):
         encoder_channel: int = 0,
         gyro_ain: int = 0,
         thermistor_ain: int = 1,
-        serial: int = 470_012_345,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        stream_port: int = 0,
     ) -> None:
         self._inputs = inputs
-        self._serial = serial
         self._settings = dict(AS_DELIVERED)
         self._terminals = T7Terminals(
             inputs, self._settings, encoder_channel=encoder_channel, gyro_ain=gyro_ain, thermistor_ain=thermistor_ain
@@ -95,11 +87,9 @@ class SimulatedLabJackT7(Served):
         self._name = [0] * NAME_WORDS
         self._flash_pointer = 0
         self._started = 0  # CORE_TIMER at the first scan
-        self._stream = T7StreamServer(inputs, host=host, port=stream_port)
+        self._stream = T7StreamServer(inputs)
         self._table = RegisterTable(self._registers())
-        super().__init__(
-            ModbusTcpServer(self, unit_id=None, host=host, port=port, functions={FEEDBACK: self._carry_out_feedback})
-        )
+        super().__init__(ModbusTcpServer(self, unit_id=None, functions={FEEDBACK: self._carry_out_feedback}))
 
     @property
     def stream_address(self) -> str:
@@ -188,7 +178,7 @@ class SimulatedLabJackT7(Served):
             u32(4990, lambda: int(self._stream.running), self._enable),
             word(55000, lambda: self._last_error),
             word(55001, lambda: self._last_exception),
-            u32(60028, lambda: self._serial),
+            u32(60028, lambda: SERIAL),
             Register(address=NAME, words=NAME_WORDS, read=lambda: self._name, write=partial(setattr, self, "_name")),
             u32(61520, lambda: self._core_timer(self._inputs.now())),
             u32(61522, lambda: math.floor(self._inputs.now() * 20)),

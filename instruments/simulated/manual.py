@@ -15,18 +15,10 @@ _LONGEST_LINE = 100
 
 
 class SimulatedManualTable(TcpServer):
-    """Serves the knob at `tcp://host:port`.
+    """Serves the knob of a table at `tcp://host:port`."""
 
-    Parameters
-    ----------
-    table
-        The axis.
-    host, port
-        See `TcpServer`.
-    """
-
-    def __init__(self, table: TableMachine, *, host: str = "127.0.0.1", port: int = 0) -> None:
-        super().__init__(lambda: _Knob(table), host=host, port=port)
+    def __init__(self, table: TableMachine) -> None:
+        super().__init__(lambda: _Knob(table))
 
 
 class _Knob:

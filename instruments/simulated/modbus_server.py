@@ -308,8 +308,6 @@ class ModbusTcpServer(TcpServer):
         The registers.
     unit_id
         The unit that answers; None: any unit.
-    host, port
-        Where to listen; port 0 takes a free one.
     pace_baud
         Simulated speed of the line; None: no delay.
     functions
@@ -323,16 +321,12 @@ class ModbusTcpServer(TcpServer):
         registers: RegisterMap,
         *,
         unit_id: int | None,
-        host: str = "127.0.0.1",
-        port: int = 0,
         pace_baud: int | None = None,
         functions: Mapping[int, Callable[[bytes], bytes]] | None = None,
     ) -> None:
         lock = Lock()
         super().__init__(
             lambda: ModbusSession(TcpFraming(), registers, unit_id=unit_id, lock=lock, functions=functions),
-            host=host,
-            port=port,
             pace_baud=pace_baud,
         )
 

@@ -77,7 +77,7 @@ class SimulatedMeter(ABC):
 
     IDENTITY: str
 
-    def __init__(self, inputs: AnalogInputs, *, gyro_channel: int = 101, thermistor_channel: int = 102) -> None:
+    def __init__(self, inputs: AnalogInputs, *, gyro_channel: int, thermistor_channel: int) -> None:
         self._inputs, self._wired = inputs, (gyro_channel, thermistor_channel)
         self._lock = threading.Lock()
         self._errors: deque[tuple[int, str]] = deque(maxlen=MOST_ERRORS)
@@ -233,7 +233,7 @@ class MeterServer(LineServer):
     ----------
     inputs, gyro_channel, thermistor_channel
         See `SimulatedMeter`.
-    over_tcp, host, port
+    over_tcp
         See `LineServer`.
     """
 
@@ -246,8 +246,6 @@ class MeterServer(LineServer):
         gyro_channel: int = 101,
         thermistor_channel: int = 102,
         over_tcp: bool = True,
-        host: str = "127.0.0.1",
-        port: int = 0,
     ) -> None:
         meter = self.METER(inputs, gyro_channel=gyro_channel, thermistor_channel=thermistor_channel)
-        super().__init__(meter.execute, over_tcp=over_tcp, end=b"\n", host=host, port=port)
+        super().__init__(meter.execute, over_tcp=over_tcp, end=b"\n")

@@ -240,15 +240,11 @@ class LineServer(Served):
     execute
         Executes one line and returns its answer, see `line_conversation`.
     over_tcp
-        Serve over TCP; otherwise on a serial line, see `SerialLine`.
-    baud
-        The speed of the serial line.
+        Serve over TCP, to several clients at once; otherwise on a serial line at 9600 baud, see `SerialLine`.
     encoding
         Of the lines.
     end
         The end of each answer.
-    host, port
-        Where to listen, `over_tcp`; several clients may use it at once.
     pace_baud
         Simulated speed of the line; None: no delay.
     """
@@ -260,18 +256,13 @@ class LineServer(Served):
         execute: Callable[[str], str | None],
         *,
         over_tcp: bool,
-        baud: int = 9600,
         encoding: str = "ascii",
         end: bytes = b"\r\n",
-        host: str = "127.0.0.1",
-        port: int = 0,
         pace_baud: int | None = None,
     ) -> None:
         connect = partial(line_conversation, execute, encoding=encoding, end=end)
         super().__init__(
-            TcpServer(connect, host=host, port=port, pace_baud=pace_baud)
-            if over_tcp
-            else SerialLine(connect, baud=baud, pace_baud=pace_baud)
+            TcpServer(connect, pace_baud=pace_baud) if over_tcp else SerialLine(connect, baud=9600, pace_baud=pace_baud)
         )
 
 
@@ -302,7 +293,7 @@ class TableServer(Served):
     Parameters
     ----------
     controller
-        The controller; its methods document the results of manual actions.
+        The controller. Its methods for manual actions are also those of the server.
     line
         The line that serves it.
     """
@@ -310,6 +301,8 @@ class TableServer(Served):
     def __init__(self, controller: TableController, line: Line) -> None:
         super().__init__(line)
         self._controller = controller
+        self.open_interlock, self.close_interlock = controller.open_interlock, controller.close_interlock
+        self.trip, self.restart = controller.trip, controller.restart
 
     def start(self) -> None:
         """Serve; when it returns, a client can connect."""
@@ -320,19 +313,3 @@ class TableServer(Served):
         """Stop serving; the table continues its motion."""
         self._controller.closing.set()
         super().stop()
-
-    def open_interlock(self) -> None:
-        """Open the interlock, as an emergency stop does."""
-        self._controller.open_interlock()
-
-    def close_interlock(self) -> None:
-        """Close the interlock; its results remain until the controller is reset."""
-        self._controller.close_interlock()
-
-    def trip(self) -> None:
-        """Cause a following error."""
-        self._controller.trip()
-
-    def restart(self) -> None:
-        """Restart, as after a power failure."""
-        self._controller.restart()

@@ -38,7 +38,7 @@ from benchctl_instruments.simulated.faults.stream_faults import (
     StreamStalls,
 )
 from benchctl_instruments.simulated.machines import AnalogInputs
-from benchctl_instruments.simulated.tcp_server import address_of, listen
+from benchctl_instruments.simulated.tcp_server import Where, address_of, listen
 
 MOST_SAMPLES_A_SECOND = 100_000
 LARGEST_BATCH = 8192
@@ -198,10 +198,10 @@ class T7StreamServer:
     complete packets. `faults` apply to the packets of later streams.
     """
 
-    def __init__(self, inputs: AnalogInputs, *, host: str, port: int) -> None:
+    def __init__(self, inputs: AnalogInputs) -> None:
         self.faults: PendingFaults[StreamFault] | None = None
         self._inputs = inputs
-        self._where = (host, port)
+        self._where: Where = ("127.0.0.1", 0)
         self._listener: socket.socket | None = None
         self._client: socket.socket | None = None
         self._thread: threading.Thread | None = None

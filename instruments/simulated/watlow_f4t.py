@@ -93,7 +93,7 @@ class SimulatedWatlowF4T(Served):
         The output 1 of module 1 is always on while the chamber runs.
     over_tcp
         Modbus TCP; otherwise RTU on a serial line, whose unit is another one.
-    host, port, pace_baud
+    pace_baud
         See `ModbusTcpServer`.
 
     Its part number states its loops and alarms. `memory` (the units of the buses, 6730 and 14080), `profile_state`
@@ -113,8 +113,6 @@ class SimulatedWatlowF4T(Served):
         on_by: OnBy = "toggle_key",
         on_number: int = 1,
         over_tcp: bool = True,
-        host: str = "127.0.0.1",
-        port: int = 0,
         pace_baud: int | None = None,
     ) -> None:
         if alarms not in FUNCTIONS_OF or not 1 <= loop <= LOOPS:
@@ -144,7 +142,7 @@ class SimulatedWatlowF4T(Served):
         self._unit_at = ETHERNET_UNIT if over_tcp else SERIAL_UNIT
         registers = F4TRegisters(self._registers(), memory=self.memory)
         if over_tcp:
-            super().__init__(ModbusTcpServer(registers, unit_id=unit_id, host=host, port=port, pace_baud=pace_baud))
+            super().__init__(ModbusTcpServer(registers, unit_id=unit_id, pace_baud=pace_baud))
         else:
             self.wire = MODBUS_RTU
             super().__init__(ModbusRtuServer(registers, unit_id=unit_id, baud=BAUD, pace_baud=pace_baud))

@@ -89,24 +89,13 @@ class SimulatedWatlowF4TScpi(LineServer):
     loop, on_by, on_number
         As for the driver: the loop of the air, and the output that switches conditioning; without one
         (`on_by = "nothing"`) it conditions from the start.
-    host, port
-        See `LineServer`.
     """
 
-    def __init__(
-        self,
-        chamber: ChamberMachine,
-        *,
-        loop: int = 1,
-        on_by: str = "output",
-        on_number: int = 1,
-        host: str = "127.0.0.1",
-        port: int = 0,
-    ) -> None:
+    def __init__(self, chamber: ChamberMachine, *, loop: int = 1, on_by: str = "output", on_number: int = 1) -> None:
         self.controller = F4TController(chamber, loop=loop, on_number=on_number)
         if on_by == "nothing":
             chamber.run(True)
-        super().__init__(self.controller.execute, over_tcp=True, end=b"\n", host=host, port=port)
+        super().__init__(self.controller.execute, over_tcp=True, end=b"\n")
 
 
 Twin = SimulatedWatlowF4TScpi

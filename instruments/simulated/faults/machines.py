@@ -109,7 +109,7 @@ class Spell(Generic[FaultT]):
         self.fault = fault
         self.since_s = math.inf
         self._where = where
-        self._schedule = Schedule(fault.when)
+        self._schedule = Schedule(fault)
         self._log = log
         self._until_s = self._looked_s = -math.inf
         self._lock = threading.Lock()

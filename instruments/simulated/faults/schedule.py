@@ -11,7 +11,7 @@ import re
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Generic, Literal, TypeVar
+from typing import Annotated, ClassVar, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -45,73 +45,6 @@ class FaultLog:
             return tuple(self._fired)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class When:
-    """The operations at which a fault happens; all conditions must hold.
-
-    Parameters
-    ----------
-    pattern
-        Only operations whose text contains a match of this regular expression; the conditions below count only these.
-        The text of an operation depends on its wire: `benchctl_instruments.simulated.faults.wires`.
-    from_s, to_s
-        Only from this bench time on, and before that one.
-    nth
-        Only the nth of these, from 1.
-    every
-        Every nth of these: the 3rd, 6th, 9th, ... if it is 3.
-    every_s
-        The first of these in each interval of this length in bench time, counted from `from_s`.
-    times
-        At most this number of times.
-    """
-
-    pattern: str = ""
-    from_s: float = 0.0
-    to_s: float = math.inf
-    nth: int | None = None
-    every: int | None = None
-    every_s: float | None = None
-    times: int | None = None
-
-
-class Schedule:
-    """Counts operations for one `When`. Not thread-safe.
-
-    Attributes
-    ----------
-    fired
-        How often the fault has happened.
-    """
-
-    def __init__(self, when: When) -> None:
-        self.fired = 0
-        self._when = when
-        self._pattern = re.compile(when.pattern)
-        self._counted = 0
-        self._stretch = -1  # the last interval in which the fault happened
-
-    def fires(self, operation: str, now_s: float) -> bool:
-        """Count an operation, given its text and the bench time; return whether the fault happens at it."""
-        when = self._when
-        if not when.from_s <= now_s < when.to_s or not self._pattern.search(operation):
-            return False
-        self._counted += 1
-        if when.nth is not None and self._counted != when.nth:
-            return False
-        if when.every is not None and self._counted % when.every:
-            return False
-        if when.times is not None and self.fired >= when.times:
-            return False
-        if when.every_s is not None:
-            stretch = math.floor((now_s - when.from_s) / when.every_s)
-            if stretch <= self._stretch:
-                return False
-            self._stretch = stretch
-        self.fired += 1
-        return True
-
-
 Place = Literal["rate_table", "chamber", "digitizer", "digitizer_stream", "gyro"]
 """A link, named after its instrument; the digitizer's stream has its own link, `gyro` is a digital gyro."""
 
@@ -122,7 +55,12 @@ LASTS = Field(gt=0, title="For", description="How long it lasts.", examples=[0.5
 
 
 class FaultTable(BaseModel):
-    """Fields common to all kinds of faults; `kind` identifies the kind. See `When` for the time and counting fields.
+    """Fields common to all kinds of faults; `kind` identifies the kind.
+
+    It happens at the operations for which all conditions hold. `pattern`: their text contains a match; it depends on
+    the wire, see `benchctl_instruments.simulated.faults.wires`. `from_s`, `to_s`: from this bench time on, and before
+    that one. The others count only these: the `nth`, from 1; every nth if it is `every`; the first of these in each
+    interval of `every_s`, counted from `from_s`; at most `times` times.
 
     Examples
     --------
@@ -176,11 +114,42 @@ class FaultTable(BaseModel):
             raise ValueError(f"from_s ({self.from_s:g}) must be before to_s ({self.to_s:g})")
         return self
 
-    @property
-    def when(self) -> When:
-        """The operations at which it happens."""
-        rule: dict[str, Any] = {name: getattr(self, name) for name in When.__dataclass_fields__}
-        return When(**rule)
+
+class Schedule:
+    """Counts operations for one fault. Not thread-safe.
+
+    Attributes
+    ----------
+    fired
+        How often the fault has happened.
+    """
+
+    def __init__(self, when: FaultTable) -> None:
+        self.fired = 0
+        self._when = when
+        self._pattern = re.compile(when.pattern)
+        self._counted = 0
+        self._stretch = -1  # the last interval in which the fault happened
+
+    def fires(self, operation: str, now_s: float) -> bool:
+        """Count an operation, given its text and the bench time; return whether the fault happens at it."""
+        when = self._when
+        if not when.from_s <= now_s < when.to_s or not self._pattern.search(operation):
+            return False
+        self._counted += 1
+        if when.nth is not None and self._counted != when.nth:
+            return False
+        if when.every is not None and self._counted % when.every:
+            return False
+        if when.times is not None and self.fired >= when.times:
+            return False
+        if when.every_s is not None:
+            stretch = math.floor((now_s - when.from_s) / when.every_s)
+            if stretch <= self._stretch:
+                return False
+            self._stretch = stretch
+        self.fired += 1
+        return True
 
 
 FaultT = TypeVar("FaultT", bound=FaultTable)
@@ -201,7 +170,7 @@ class PendingFaults(Generic[FaultT]):
 
     def __init__(self, where: str, faults: Sequence[FaultT], log: FaultLog) -> None:
         self._where, self._log = where, log
-        self._faults = [(fault, Schedule(fault.when)) for fault in faults]
+        self._faults = [(fault, Schedule(fault)) for fault in faults]
 
     def due(self, operation: str, now_s: float) -> FaultT | None:
         """Return the fault that happens at an operation, given its text and the bench time, or None."""

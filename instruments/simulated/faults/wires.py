@@ -71,14 +71,16 @@ class Lines:
         return request.decode("ascii", "backslashreplace").strip()[:MOST_SHOWN]
 
 
-class ModbusTcp:
-    """Modbus TCP: a transaction number, and no checksum."""
-
-    bad_checksum = None
-
+class _Modbus:
     def requests(self, data: bytes) -> list[bytes]:
         """Return one request, as masters that wait for answers send it."""
         return [data]
+
+
+class ModbusTcp(_Modbus):
+    """Modbus TCP: a transaction number, and no checksum."""
+
+    bad_checksum = None
 
     def shown(self, request: bytes) -> str:
         """Return function and data in hex."""
@@ -100,12 +102,8 @@ class ModbusTcp:
         return MBAP.pack(transaction, 0, 3, unit) + struct.pack("BB", request[MBAP.size] | 0x80, code)
 
 
-class ModbusRtu:
+class ModbusRtu(_Modbus):
     """Modbus RTU: a unit number, a CRC, and no transaction number."""
-
-    def requests(self, data: bytes) -> list[bytes]:
-        """Return one request, as masters that wait for answers send it."""
-        return [data]
 
     def shown(self, request: bytes) -> str:
         """Return function and data in hex."""

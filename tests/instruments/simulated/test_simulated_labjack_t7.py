@@ -308,11 +308,13 @@ def test_history_is_held_from_the_next_scan_on_while_a_stream_runs(
     assert inputs.held_since_s is None
 
 
-def test_a_port_that_is_taken_leaves_no_thread_behind(twin: SimulatedLabJackT7, inputs: FakeInputs) -> None:
+def test_a_port_that_is_taken_leaves_no_thread_behind(inputs: FakeInputs) -> None:
+    twin = SimulatedLabJackT7(inputs)
+    with twin:
+        place = parse_address(twin.address)
     before = threading.active_count()
-    other = SimulatedLabJackT7(inputs, port=parse_address(twin.address).port)
-    with pytest.raises(UsageError, match="choose another port"):
-        other.start()
+    with socket.create_server((place.host, place.port)), pytest.raises(UsageError, match="choose another port"):
+        twin.start()
     assert threading.active_count() == before
 
 
