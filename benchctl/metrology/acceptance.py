@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -19,10 +20,9 @@ from benchctl.metrology.gyro_tests.warm_up import ramp_tests, warm_up_tests
 from benchctl.metrology.limit_file import Limits
 from benchctl.metrology.names import RATE_UNITS, UNITS
 from benchctl.metrology.observations import Observations, Settings, observe
-from benchctl.metrology.of_rates import of_rates
 from benchctl.metrology.result import Acceptance, Measured, Message, message
 from benchctl.metrology.stretches import LEAST_V2
-from benchctl.metrology.verdict import judged, overall, rule_of
+from benchctl.metrology.verdict import Units, column_in, judged, overall, picture_in, rule_of, scaled
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stated import expired_of
 from benchctl.signals.under_test import under_test
@@ -71,7 +71,21 @@ def _measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ..
         )
     found = {measured.name: measured for test in _TESTS for measured in test(obs)}
     results = (found[name] for name in UNITS)
-    return tuple(results if recording.meta.output_unit == "V" else map(of_rates, results))
+    return tuple(results if recording.meta.output_unit == "V" else map(_of_rates, results))
+
+
+_OF_RATES: Units = {"V": ("deg/s", 1.0), "mV/(deg/s)": (RATE_UNITS["scale_factor"], 1e-3)}
+
+
+def _of_rates(found: Measured) -> Measured:
+    """Return a result with its units, and those of its table and its plot, for an output in deg/s instead of V."""
+    unit, factor = _OF_RATES.get(found.unit, (found.unit, 1.0))
+    found = scaled(found, factor, unit)
+    return replace(
+        found,
+        table=tuple(column_in(one, _OF_RATES) for one in found.table),
+        picture=None if found.picture is None else picture_in(found.picture, _OF_RATES),
+    )
 
 
 def accepted(recording: Recording, limits: Limits) -> Acceptance:

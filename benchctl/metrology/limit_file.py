@@ -47,26 +47,11 @@ class _LimitEntry(Table):
         return self
 
 
-class _SettingsEntry(Table):
-    low_rate_dps: float = Field(default=Settings().low_rate_dps, gt=0)
-    linearity_percent: float = Field(default=Settings().linearity_percent, gt=0)
-    warm_deg_per_h: float = Field(default=Settings().warm_deg_per_h, gt=0)
-    mean_s: float = Field(default=Settings().mean_s, gt=0)
-    rest_s: float = Field(default=Settings().rest_s, gt=0)
-
-
-class LimitFile(Table):
+class LimitFile(Papers):
     """A file of limits, as written."""
 
-    title: str = ""
-    number: str = ""
-    revision: str = ""
-    customer: str = ""
-    standard: str = ""
-    stage: str = ""
-    firmware: str = ""
     guard: float = Field(default=1.0, ge=0)
-    settings: _SettingsEntry = _SettingsEntry()
+    settings: Settings = Settings()
     limits: dict[str, _LimitEntry] = Field(min_length=1)
 
 
@@ -113,8 +98,8 @@ def limits_of_text(text: str, path: Path) -> Limits:
         sha256=hashlib.sha256(text.encode()).hexdigest(),
         guard=content.guard,
         limits={name: Limit(low=one.low, high=one.high, unit=one.unit) for name, one in content.limits.items()},
-        settings=Settings(**content.settings.model_dump()),
-        papers=Papers(**{name: getattr(content, name) for name in Papers.__dataclass_fields__}),
+        settings=content.settings,
+        papers=Papers(**content.model_dump(include=set(Papers.model_fields))),
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from benchctl.metrology.drift import Noises, noises_of
 from benchctl.metrology.names import UNITS
@@ -16,6 +17,7 @@ from benchctl.metrology.result import Bound, Column, Measured, Message, Picture,
 from benchctl.metrology.stretches import Stretch, stretches_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stated import StatedUncertainties, stated_of
+from benchctl.tables import Table
 from benchctl_instruments.arrays import FloatArray
 
 ROOM_C = 20.0
@@ -25,8 +27,7 @@ SAME_C = 1.0
 _FEWEST_RATES = 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class Settings(Table):
     """Settings of the tests: thresholds that belong to a test's definition.
 
     `low_rate_dps`: upper end of the rates to which the line for errors of reading is fitted. `linearity_percent` bounds
@@ -34,11 +35,11 @@ class Settings:
     the standard deviation of means over `mean_s`, of a rest of at least `rest_s`.
     """
 
-    low_rate_dps: float = 40.0
-    linearity_percent: float = 1.0
-    warm_deg_per_h: float = 10.0
-    mean_s: float = 10.0
-    rest_s: float = 600.0
+    low_rate_dps: float = Field(default=40.0, gt=0)
+    linearity_percent: float = Field(default=1.0, gt=0)
+    warm_deg_per_h: float = Field(default=10.0, gt=0)
+    mean_s: float = Field(default=10.0, gt=0)
+    rest_s: float = Field(default=600.0, gt=0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -105,16 +105,16 @@ def points_of(stretches: Sequence[Stretch], noises: Noises) -> Points:
     begins_s = [float(np.min(one.middle_s - 0.5 * one.duration_s)) for one in means]
     rows = [row for number, stretch in enumerate(stretches) for row in _rows(stretch.readings, number)]
     return Points(
-        rate_dps=np.array([row.rate_dps for row in rows]),
-        set_dps=np.array([row.set_dps for row in rows]),
+        rate_dps=np.array([row.reading.rate_dps for row in rows]),
+        set_dps=np.array([row.reading.set_dps for row in rows]),
         output_v=np.concatenate([part.output_v for part in parts]) if parts else np.zeros(0),
         covariance_v2=covariance,
-        duration_s=np.array([row.duration_s for row in rows]),
-        temperature_c=np.array([row.temperature_c for row in rows]),
-        coarse_v=np.array([row.coarse_v for row in rows]),
+        duration_s=np.array([row.reading.duration_s for row in rows]),
+        temperature_c=np.array([row.reading.temperature_c for row in rows]),
+        coarse_v=np.array([row.reading.coarse_v for row in rows]),
         stretch=np.array([row.stretch for row in rows], dtype=np.int64),
         leg=np.array([row.leg for row in rows], dtype=np.int64),
-        step=np.array([row.step for row in rows], dtype=np.int64),
+        step=np.array([row.reading.step for row in rows], dtype=np.int64),
         swept=_swept(rows),
         begins_s=np.array([begins_s[row.stretch] for row in rows]),
         walk_v2_per_s=float(sum(weight * noise.walk for noise, weight in noises)),
@@ -128,13 +128,13 @@ def points_of(stretches: Sequence[Stretch], noises: Noises) -> Points:
 
 def _swept(rows: Sequence[_Row]) -> BoolArray:
     """Return `Points.swept`; if a stretch has no rate in both directions, all its rates count."""
-    rates = {(row.stretch, round(row.set_dps, 6)) for row in rows if abs(row.set_dps) >= _SLOWEST_DPS}
+    rates = {(row.stretch, row.rate) for row in rows if abs(row.reading.set_dps) >= _SLOWEST_DPS}
     paired = {(stretch, rate) for stretch, rate in rates if (stretch, -rate) in rates}
     of_pairs = {stretch for stretch, _ in paired}
     visited: set[tuple[int, float, int]] = set()
     found = []
     for row in rows:
-        rate, visit = (row.stretch, round(row.set_dps, 6)), (row.stretch, round(row.set_dps, 6), row.leg)
+        rate, visit = (row.stretch, row.rate), (row.stretch, row.rate, row.leg)
         counts = rate in (paired if row.stretch in of_pairs else rates)
         found.append(row.leg == REST or (counts and visit not in visited))
         visited.add(visit)
@@ -143,14 +143,14 @@ def _swept(rows: Sequence[_Row]) -> BoolArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Row:
-    rate_dps: float
-    set_dps: float
-    duration_s: float
-    temperature_c: float
-    coarse_v: float
+    reading: Reading
     stretch: int
     leg: int
-    step: int
+
+    @property
+    def rate(self) -> float:
+        """The commanded rate, rounded to tell rates apart."""
+        return round(self.reading.set_dps, 6)
 
 
 def means_of(readings: Sequence[Reading]) -> Means:
@@ -169,18 +169,14 @@ def _rows(readings: Sequence[Reading], stretch: int) -> list[_Row]:
     rows: list[_Row] = []
     rest = [one for one in readings if one.set_dps == 0.0]
     if rest:
-        rows.append(
-            _Row(
-                rate_dps=0.0,
-                set_dps=0.0,
-                duration_s=sum(one.duration_s for one in rest),
-                temperature_c=float(np.mean([one.temperature_c for one in rest])),
-                coarse_v=max(one.coarse_v for one in rest),
-                stretch=stretch,
-                leg=REST,
-                step=rest[0].step,
-            )
+        together = replace(
+            rest[0],
+            rate_dps=0.0,
+            duration_s=sum(one.duration_s for one in rest),
+            temperature_c=float(np.mean([one.temperature_c for one in rest])),
+            coarse_v=max(one.coarse_v for one in rest),
         )
+        rows.append(_Row(reading=together, stretch=stretch, leg=REST))
     before: dict[bool, float] = {}
     for one in readings:
         if one.set_dps == 0.0:
@@ -188,18 +184,7 @@ def _rows(readings: Sequence[Reading], stretch: int) -> list[_Row]:
         forward = one.set_dps > 0.0
         leg = DOWN if before.get(forward, 0.0) > abs(one.set_dps) + _ALIKE_DPS else UP
         before[forward] = abs(one.set_dps)
-        rows.append(
-            _Row(
-                rate_dps=one.rate_dps,
-                set_dps=one.set_dps,
-                duration_s=one.duration_s,
-                temperature_c=one.temperature_c,
-                coarse_v=one.coarse_v,
-                stretch=stretch,
-                leg=leg,
-                step=one.step,
-            )
-        )
+        rows.append(_Row(reading=one, stretch=stretch, leg=leg))
     return rows
 
 

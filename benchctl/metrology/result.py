@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from benchctl.calibration.result import Contribution
+from benchctl.tables import Table
 from benchctl_instruments.arrays import FloatArray
 
 PLACEHOLDERS: Mapping[str, tuple[str, ...]] = {
@@ -207,8 +208,7 @@ class Rule:
     says: Message
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Papers:
+class Papers(Table):
     """The header of a report, as the file of limits states it."""
 
     title: str = ""

@@ -20,7 +20,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -151,15 +151,12 @@ class FramedGyro(Instrument, ABC):
     Parameters
     ----------
     address
-        `serial://DEVICE?baud=N`, or `socket://HOST:PORT` behind a serial-to-Ethernet box.
-    name
-        The model, for messages.
+        `serial://DEVICE?baud=N`, by default at `DEFAULT_BAUD`, or `socket://HOST:PORT` behind a serial-to-Ethernet box.
     clock
         The clock that measures how long the line was unread.
     axis
-        "x", "y" or "z"; otherwise raises `UsageError`.
-    default_baud
-        The speed if the address states none.
+        "x", "y" or "z", otherwise raises `UsageError`: the one whose samples are reported; the others' are reported
+        beside it.
     timeout_s
         Timeout of an answer and of a connection; wall time.
     wire_log
@@ -167,28 +164,24 @@ class FramedGyro(Instrument, ABC):
 
     Attributes
     ----------
+    NAME
+        The model, for messages.
     RATES_HZ
         The rates that this model supports; empty: any.
     """
 
+    NAME: ClassVar[str]
+    DEFAULT_BAUD: ClassVar[int]
     RATES_HZ: tuple[float, ...] = ()
 
     def __init__(
-        self,
-        address: str,
-        *,
-        name: str,
-        clock: Clock,
-        axis: str,
-        default_baud: int,
-        timeout_s: float,
-        wire_log: WireLog | None,
+        self, address: str, *, clock: Clock, axis: str = "z", timeout_s: float = 2.0, wire_log: WireLog | None = None
     ) -> None:
         if axis not in AXES:
-            raise UsageError(f"axis {axis!r}: expected x, y or z, which a {name} has")
+            raise UsageError(f"axis {axis!r}: expected x, y or z, which a {self.NAME} has")
         self._axis = AXES.index(axis)
-        self._link = byte_link(address, default_baud=default_baud, wire_log=wire_log)
-        self._who = f"{name} at {self._link.address}"
+        self._link = byte_link(address, default_baud=self.DEFAULT_BAUD, wire_log=wire_log)
+        self._who = f"{self.NAME} at {self._link.address}"
         self._clock = clock
         self._timeout_s = timeout_s
         self._identity = Identity()

@@ -14,8 +14,7 @@ import numpy as np
 
 from benchctl_instruments.errors import InstrumentError, UsageError
 from benchctl_instruments.gyros.framed_gyro import FramedGyro, SampleQueue, Samples
-from benchctl_instruments.interfaces import Clock, Identity
-from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.interfaces import Identity
 from benchctl_instruments.protocols import kvh1760 as kvh
 from benchctl_instruments.protocols.frames import ByteArray, FrameReader, SequenceNumbers
 from benchctl_instruments.protocols.lines import MOST_SHOWN
@@ -40,40 +39,17 @@ def _recognised(line: str) -> str:
 
 
 class KvhDsp1760(FramedGyro):
-    """A DSP-1760; implements `benchctl_instruments.interfaces.Gyro`.
+    """A DSP-1760; implements `benchctl_instruments.interfaces.Gyro`. Parameters: see `FramedGyro`.
 
-    Parameters
-    ----------
-    address
-        `serial://DEVICE?baud=N`, by default 921600 baud, or `socket://HOST:PORT`.
-    clock
-        The clock that measures how long the line was unread.
-    axis
-        "x", "y" or "z": the one whose samples and faults are reported; the others' are reported beside it.
-    timeout_s
-        Timeout of an answer and of a connection; wall time.
-    wire_log
-        Log of the traffic on the line.
+    Of the other axes the faults are reported too.
     """
 
+    NAME, DEFAULT_BAUD = "KVH DSP-1760", kvh.DEFAULT_BAUD
     RATES_HZ = kvh.RATES_HZ
     recognition = (
         ByFrames(baud=kvh.DEFAULT_BAUD, find=_frames_in),
         ByLine(query="?dr", read=_recognised, baud=kvh.DEFAULT_BAUD),
     )
-
-    def __init__(
-        self, address: str, *, clock: Clock, axis: str = "z", timeout_s: float = 2.0, wire_log: WireLog | None = None
-    ) -> None:
-        super().__init__(
-            address,
-            name="KVH DSP-1760",
-            clock=clock,
-            axis=axis,
-            default_baud=kvh.DEFAULT_BAUD,
-            timeout_s=timeout_s,
-            wire_log=wire_log,
-        )
 
     def _check(self) -> None:
         self._set("config", 1)

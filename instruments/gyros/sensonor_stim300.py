@@ -18,8 +18,7 @@ import numpy as np
 
 from benchctl_instruments.errors import InstrumentError, LinkError
 from benchctl_instruments.gyros.framed_gyro import LARGEST_RECEIVE, FramedGyro, SampleQueue, Samples
-from benchctl_instruments.interfaces import Clock, Identity
-from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.interfaces import Identity
 from benchctl_instruments.protocols import stim300 as stim
 from benchctl_instruments.protocols.frames import ByteArray, FrameFormat, FrameReader, SequenceNumbers, commonest_step
 from benchctl_instruments.protocols.stim300 import StimConfiguration
@@ -40,36 +39,10 @@ def _datagrams_in(data: bytes) -> str:
 
 
 class SensonorStim300(FramedGyro):
-    """A STIM300; implements `benchctl_instruments.interfaces.Gyro`.
+    """A STIM300; implements `benchctl_instruments.interfaces.Gyro`. Parameters: see `FramedGyro`."""
 
-    Parameters
-    ----------
-    address
-        `serial://DEVICE?baud=N`, by default 921600 baud, or `socket://HOST:PORT`.
-    clock
-        The clock that measures how long the line was unread.
-    axis
-        "x", "y" or "z": the one whose samples are reported; the others' are reported beside it.
-    timeout_s
-        Timeout of an answer and of a connection; wall time.
-    wire_log
-        Log of the traffic on the line.
-    """
-
+    NAME, DEFAULT_BAUD = "Sensonor STIM300", stim.DEFAULT_BAUD
     recognition = (ByFrames(baud=stim.DEFAULT_BAUD, find=_datagrams_in),)
-
-    def __init__(
-        self, address: str, *, clock: Clock, axis: str = "z", timeout_s: float = 2.0, wire_log: WireLog | None = None
-    ) -> None:
-        super().__init__(
-            address,
-            name="Sensonor STIM300",
-            clock=clock,
-            axis=axis,
-            default_baud=stim.DEFAULT_BAUD,
-            timeout_s=timeout_s,
-            wire_log=wire_log,
-        )
 
     def _check(self) -> None:
         configuration, _ = self._configuration()
