@@ -65,13 +65,13 @@ class Diagnosed:
 
         Returns the diagnosis with their paths. Raises `UsageError` if the folder is not writable.
         """
-        from benchctl.reports.diagnosis_page import write_diagnosis_report  # matplotlib is slow to load
+        from benchctl.reports.diagnosis_page import diagnosis_page  # matplotlib is slow to load
+        from benchctl.reports.html import write_page
 
         make_folder(folder)
         files = {"report": folder / REPORT, "summary": folder / SUMMARY}
-        write_diagnosis_report(
-            files["report"], self.diagnosis, self.meta, self.infos, digest=self.digest, unit=self.unit
-        )
+        page = diagnosis_page(self.diagnosis, self.meta, self.infos, digest=self.digest, unit=self.unit)
+        write_page(files["report"], page)
         write_diagnosis_file(files["summary"], self.diagnosis, self.digest)
         if self.diagnosis.model:
             files["model"] = folder / MODEL

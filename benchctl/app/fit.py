@@ -19,12 +19,13 @@ from benchctl.recordings.reader import Recording, join
 from benchctl.recordings.static_points import KIND, StaticPoints
 from benchctl.recordings.verify import opened_unchanged
 from benchctl.reports import text
-from benchctl.reports.calibration_page import write_calibration_report
+from benchctl.reports.calibration_page import calibration_page
 from benchctl.reports.coefficient_tables import joint_coefficients, stage_tables
+from benchctl.reports.html import write_page
 from benchctl.reports.points_page import coefficients as points_of
-from benchctl.reports.points_page import write_static_points_report
+from benchctl.reports.points_page import static_points_page
 from benchctl.reports.results import make_folder, may_be_made, source_digest
-from benchctl.reports.three_axes_page import axes_tables, write_three_axes_report
+from benchctl.reports.three_axes_page import axes_tables, three_axes_page
 from benchctl.signals.under_test import under_test
 from benchctl_instruments.errors import UsageError
 
@@ -153,7 +154,7 @@ def _fit_axes(joined: Recording, turned: Sequence[int], recordings: Sequence[Rec
         coefficients=content,
         values={"error_percent": {}, **{name: content[name] for name in shown if name in content}},
         says=_axes_in_words(result),
-        write_report=lambda path: write_three_axes_report(path, result, meta, infos, digest=digest),
+        write_report=lambda path: write_page(path, three_axes_page(result, meta, infos, digest=digest)),
     )
 
 
@@ -182,7 +183,7 @@ def _fit_runs(joined: Recording, recordings: Sequence[Recording], discovered: Di
         coefficients=content,
         values=values,
         says=_in_words(result),
-        write_report=lambda path: write_calibration_report(path, result, meta, infos, digest=digest),
+        write_report=lambda path: write_page(path, calibration_page(result, meta, infos, digest=digest)),
     )
 
 
@@ -209,7 +210,7 @@ def _fit_points(recordings: Sequence[Recording]) -> FitResult:
         coefficients=content,
         values=values,
         says=_points_in_words(result),
-        write_report=lambda path: write_static_points_report(path, result, points, meta, digest=digest),
+        write_report=lambda path: write_page(path, static_points_page(result, points, meta, digest=digest)),
     )
 
 

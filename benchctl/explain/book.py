@@ -200,8 +200,7 @@ def metric_entries() -> Iterator[Entry]:
     for name, unit in UNITS.items():
         test, more = words.test(name), extra("metrics", name)
         facts = {"Unit": words.unit(unit), "Computed": more.get("computed", ""), "Others mean": more.get("others", "")}
-        if name in PROCEDURES:
-            facts["Measured by"] = f"benchctl run {PROCEDURES[name]}; benchctl run acceptance has it too"
+        facts["Measured by"] = f"benchctl run {PROCEDURES[name]}; benchctl run acceptance has it too"
         facts["Limit"] = f"[limits.{name}] in limits.toml"
         yield Entry(
             name=name,

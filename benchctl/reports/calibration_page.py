@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,7 +14,7 @@ from benchctl.recordings.model import Meta, StepInfo
 from benchctl.reports import setup_section, text, verdict
 from benchctl.reports.coefficient_tables import Budget, budget, joint_coefficients, stage_tables
 from benchctl.reports.figures import PATH_LEVELS, Drawing, inline_svg, level_names, style
-from benchctl.reports.html import render, write_page
+from benchctl.reports.html import render
 from benchctl.reports.law_figures import (
     final_residuals_figure,
     k_omega_figure,
@@ -126,19 +125,19 @@ _CONVENTIONS: Mapping[tuple[str, str], str] = {
 def formula(joint: JointFit) -> list[str]:
     """Return the equations that convert an output U to a rate ω by a joint fit, one per line."""
     names = {parameter.name for parameter in joint.parameters}
-    bias = "U − U0" + "".join(f" − {c}·{_power('ΔT', i)}" for i, c in enumerate(("c1", "c2", "c3"), 1) if c in names)
+    bias = "U − U0" + "".join(f" − c{i}·{text.power('ΔT', i)}" for i in range(1, 4) if f"c{i}" in names)
     letter = "g" if joint.law == "sine" else "a"
     terms = [f"{letter}{i}" for i in range(1, 5) if f"{letter}{i}" in names]
-    warm = "".join(f" + {term}·{_power('ΔT', i)}" for i, term in enumerate(terms, 1))
+    warm = "".join(f" + {term}·{text.power('ΔT', i)}" for i, term in enumerate(terms, 1))
     bends = [(f"b{i}", i) for i in (2, 4, 6, 8) if f"b{i}" in names]
     if joint.law == "sine":
         gain = f"(K0·(1{warm}))" if warm else "K0"
         return [f"x = ({bias}) / {gain}", "ω = arcsin(S·x) / S"]
     warm_factor = f"·(1{warm})" if warm else ""
     if joint.law == "response":
-        bend = "".join(f" + {name}·{_power('ω', i)}" for name, i in bends)
+        bend = "".join(f" + {name}·{text.power('ω', i)}" for name, i in bends)
         return [f"{bias} = K0{warm_factor}·(1{bend})·ω, solved for ω"]
-    bend = "·(1" + "".join(f" + {name}·{_power('x', i)}" for name, i in bends) + ")" if bends else ""
+    bend = "·(1" + "".join(f" + {name}·{text.power('x', i)}" for name, i in bends) + ")" if bends else ""
     return [f"x = ({bias}) / K0", f"ω = x{warm_factor}{bend}"]
 
 
@@ -237,17 +236,6 @@ def _error_percent(result: CalibrationResult) -> str:
         "run, in percent; of several runs the largest. Only runs in held-out motion counts. From stage 2 on "
         "the fitted delay is applied."
     )
-
-
-def _power(base: str, exponent: int) -> str:
-    return base if exponent == 1 else base + "⁰¹²³⁴⁵⁶⁷⁸⁹"[exponent]
-
-
-def write_calibration_report(
-    path: Path, result: CalibrationResult, meta: Meta, infos: Sequence[StepInfo], *, digest: str
-) -> None:
-    """Write the page atomically; `digest` is the recording's. Raises `UsageError` if the file cannot be written."""
-    write_page(path, calibration_page(result, meta, infos, digest=digest))
 
 
 def calibration_page(result: CalibrationResult, meta: Meta, infos: Sequence[StepInfo], *, digest: str) -> str:

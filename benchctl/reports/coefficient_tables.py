@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from benchctl.calibration.result import CalibrationResult, JointFit, PolynomialFactor, Stage
@@ -20,7 +20,6 @@ _SYMBOLS: Mapping[str, str] = {
 }
 _MOST_DOF = 1000.0
 """Degrees of freedom from this value on are printed as infinite."""
-_SUPERSCRIPT = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,24 +135,23 @@ def _of_stage(stage: Stage, output_unit: str) -> list[Coefficient]:
         _row("U0", stage.U0_v, known.get("U0_v"), volts, "output at rest at T0"),
     ]
     rows += [
-        _row(f"U0(T), {_power('ΔT', i)}", c, None, f"{volts}/{_power('°C', i)}", "bias over temperature")
+        _row(f"U0(T), {text.power('ΔT', i)}", c, None, f"{volts}/{text.power('°C', i)}", "bias over temperature")
         for i, c in enumerate(stage.u0_t, 1)
     ]
-    rows += _of_factor("k(T)", stage.k_t, [(_power("ΔT", i), f"1/{_power('°C', i)}") for i in range(1, 9)])
-    rows += _of_factor("k(ω)", stage.k_omega, [(_power("x", i), f"1/{_power('(°/s)', i)}") for i in range(2, 10, 2)])
+    rows += _of_factor("k(T)", stage.k_t, "ΔT", "°C", range(1, 9))
+    rows += _of_factor("k(ω)", stage.k_omega, "x", "(°/s)", range(2, 10, 2))
     if stage.delay_s or "delay_s" in known:
         rows.append(_row("τ", stage.delay_s, known.get("delay_s"), "s", "delay of the gyro behind the encoder"))
     return rows
 
 
-def _of_factor(name: str, factor: PolynomialFactor, terms: Sequence[tuple[str, str]]) -> list[Coefficient]:
-    rows = []
-    for i, coefficient in enumerate(factor.coefficients):
+def _of_factor(
+    name: str, factor: PolynomialFactor, argument: str, argument_unit: str, exponents: Sequence[int]
+) -> Iterator[Coefficient]:
+    for i, (coefficient, exponent) in enumerate(zip(factor.coefficients, exponents, strict=False)):
         known = (float(factor.covariance[i][i]) ** 0.5, factor.dof) if factor.covariance else None
-        rows.append(
-            _row(f"{name}, {terms[i][0]}", coefficient, known, terms[i][1], f"coefficient of {terms[i][0]} in {name}")
-        )
-    return rows
+        term, unit = text.power(argument, exponent), f"1/{text.power(argument_unit, exponent)}"
+        yield _row(f"{name}, {term}", coefficient, known, unit, f"coefficient of {term} in {name}")
 
 
 def _row(name: str, value: float, known: tuple[float, float] | None, unit: str, says: str) -> Coefficient:
@@ -168,7 +166,3 @@ def _row(name: str, value: float, known: tuple[float, float] | None, unit: str, 
         interval=text.interval(value - half, value + half) if half > 0.0 else text.NOT_KNOWN,
         says=says,
     )
-
-
-def _power(base: str, exponent: int) -> str:
-    return base if exponent == 1 else base + _SUPERSCRIPT[exponent]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 
 import tomli_w
 from matplotlib.figure import Figure
@@ -26,7 +25,7 @@ from benchctl.reports.diagnosis_words import (
     title,
 )
 from benchctl.reports.figures import Drawing, inline_svg, style
-from benchctl.reports.html import render, write_page
+from benchctl.reports.html import render
 from benchctl.reports.mismatch_figures import curve_figure, map_figure, significance, steps_figure, traces_figure
 
 _FOLLOWED = " After, the wandering bias is followed from sample to sample."
@@ -120,16 +119,6 @@ def _wanders(diagnosis: Diagnosis) -> bool:
 
 def _grows(diagnosis: Diagnosis) -> bool:
     return any(one.effect == GROWING for one in diagnosis.findings)
-
-
-def write_diagnosis_report(
-    path: Path, diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], *, digest: str, unit: str = "V"
-) -> None:
-    """Write the page atomically; `digest` is the recording's, `unit` that of the diagnosed quantity.
-
-    Raises `UsageError` if the file cannot be written.
-    """
-    write_page(path, diagnosis_page(diagnosis, meta, infos, digest=digest, unit=unit))
 
 
 def diagnosis_page(diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], *, digest: str, unit: str = "V") -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,14 +13,7 @@ from benchctl.recordings.static_points import StaticPoints
 from benchctl.reports import setup_section, text, verdict
 from benchctl.reports.coefficient_tables import Coefficient
 from benchctl.reports.figures import INK, LEVEL_COLOURS, LEVEL_MARKERS, Drawing, inline_svg, new_figure, style
-from benchctl.reports.html import render, write_page
-
-
-def write_static_points_report(
-    path: Path, result: StaticPointsResult, points: StaticPoints, meta: Meta, *, digest: str
-) -> None:
-    """Write the page atomically; `digest` is the recording's. Raises `UsageError` if the file cannot be written."""
-    write_page(path, static_points_page(result, points, meta, digest=digest))
+from benchctl.reports.html import render
 
 
 def static_points_page(result: StaticPointsResult, points: StaticPoints, meta: Meta, *, digest: str) -> str:

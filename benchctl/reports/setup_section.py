@@ -48,7 +48,7 @@ def facts(meta: Meta, infos: Sequence[StepInfo]) -> list[tuple[str, str]]:
         ("Rated range", f"±{text.plain(meta.unit.range_dps, '°/s')}" if meta.unit.range_dps else ""),
         ("Bench", stated.get("bench", "")),
         ("Operator", stated.get("operator", "")),
-        ("Started", _utc(stated.get("started_utc", ""))),
+        ("Started", utc(stated.get("started_utc", ""))),
         ("Procedure", stated.get("procedure", "")),
         ("Parameters", ", ".join(f"{name} = {_listed(value)}" for name, value in parameters(meta).items())),
         ("Duration", text.duration(max(i.t_end for i in infos) - min(i.t_start for i in infos)) if infos else ""),
@@ -148,7 +148,8 @@ def _levels(values: Sequence[float | None], unit: str) -> str:
     return text.with_unit(", ".join(text.plain(value, "", 3) for value in known), unit)
 
 
-def _utc(stamp: str) -> str:
+def utc(stamp: str) -> str:
+    """Return a time stamp as printed."""
     return stamp.replace("T", " ").replace("+00:00", " UTC")
 
 
@@ -158,8 +159,14 @@ def _listed(value: object) -> str:
 
 def _mapping(recorded: str) -> dict[str, object]:
     """Return a JSON object of the provenance; text that cannot be parsed is kept under the key `as recorded`."""
+    found = json_object(recorded)
+    return {"as recorded": cut(recorded)} if found is None else found
+
+
+def json_object(recorded: str) -> dict[str, object] | None:
+    """Return a JSON object of the provenance, empty if nothing was recorded; None if it is not one."""
     try:
         found = json_document(recorded, "provenance") if recorded else {}
     except UsageError:
-        return {"as recorded": cut(recorded)}
-    return found if isinstance(found, dict) else {"as recorded": cut(recorded)}
+        return None
+    return found if isinstance(found, dict) else None

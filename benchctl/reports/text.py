@@ -121,6 +121,11 @@ def raised(plain_text: str) -> str:
     return re.sub(r"(?<=\d)e([-+]\d+)\b", lambda found: _times_ten_to(int(found[1])), powers)
 
 
+def power(base: str, exponent: int) -> str:
+    """Return a power as printed: ΔT, ΔT², …."""
+    return raised(f"{base}^{exponent}")
+
+
 def _is_uncertainty(value: float | None) -> TypeGuard[float]:
     return value is not None and math.isfinite(value) and value > 0
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from benchctl.calibration.three_axes import AxesEstimate, ThreeAxesResult
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.reports import setup_section, text, verdict
-from benchctl.reports.html import render, write_page
+from benchctl.reports.html import render
 from benchctl_instruments.mounting import AXES
 
 
@@ -48,17 +47,15 @@ def _table(title: str, bias_unit: str, estimate: AxesEstimate, k: float) -> Axes
     )
 
 
-def write_three_axes_report(
-    path: Path, result: ThreeAxesResult, meta: Meta, infos: Sequence[StepInfo], *, digest: str
-) -> None:
-    """Write the page atomically; `digest` is the recordings'. Raises `UsageError` if the file cannot be written."""
+def three_axes_page(result: ThreeAxesResult, meta: Meta, infos: Sequence[StepInfo], *, digest: str) -> str:
+    """Return the page as text; `digest` is the recordings'."""
     rows = [
         ("Positions", ", ".join(result.positions)),
         ("Steps in these positions", text.count(result.steps)),
         ("Rates", text.span(*result.rate_dps, "°/s")),
         ("Temperature", text.span(*result.temperature_c, "°C")),
     ]
-    page = render(
+    return render(
         "three_axes.html.j2",
         meta=meta,
         status=verdict.status_text(meta),
@@ -67,4 +64,3 @@ def write_three_axes_report(
         setup=[*setup_section.facts(meta, infos), *rows],
         provenance_rows=setup_section.provenance(meta, digest),
     )
-    write_page(path, page)

@@ -17,6 +17,7 @@ from benchctl.bench import Limits
 from benchctl.campaign.timing import timeline
 from benchctl.plan import Plan, Step
 from benchctl.reports.figures import INK, new_figure, style
+from benchctl.reports.setup_section import kind_name
 from benchctl_instruments.errors import UsageError
 
 KIND_COLOURS: Mapping[str, str] = {
@@ -30,13 +31,7 @@ KIND_COLOURS: Mapping[str, str] = {
     "ask": "#F0E442",
     "home": "#8C564B",
 }
-_KIND_NAMES: Mapping[str, str] = {
-    "soak": "soak",
-    "static": "at rest",
-    "constant_rate": "constant rate",
-    "sine": "sine",
-    "thermal_ramp": "thermal ramp",
-    "power_cycle": "power cycle",
+_BY_HAND: Mapping[str, str] = {
     "mount": "mounted by an operator",
     "ask": "done by an operator",
     "home": "homing",
@@ -97,7 +92,9 @@ def _is_kept_aside(step: Step) -> bool:
 
 def _legend(steps: Sequence[Step]) -> list[Artist]:
     kinds = [kind for kind in KIND_COLOURS if any(step.kind == kind for step in steps)]
-    handles: list[Artist] = [Patch(color=KIND_COLOURS[kind], label=_KIND_NAMES[kind]) for kind in kinds]
+    handles: list[Artist] = [
+        Patch(color=KIND_COLOURS[kind], label=_BY_HAND.get(kind, kind_name(kind))) for kind in kinds
+    ]
     if any(_is_kept_aside(step) for step in steps):
         handles.append(Line2D([], [], label="kept aside for verification", **_KEPT_ASIDE))
     return handles

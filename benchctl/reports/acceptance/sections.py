@@ -208,7 +208,7 @@ def _result(judged: Judged, words: Catalogue) -> tuple[Row, ...]:
 def _conditions(measured: Measured, infos: Mapping[int, StepInfo], words: Catalogue) -> str:
     """Describe procedure, temperature and steps; over several set points the range of temperatures."""
     used = [infos[index] for index in measured.steps if index in infos]
-    parts = [PROCEDURES.get(measured.name, "")]
+    parts = [PROCEDURES[measured.name]]
     points_c = {info.chamber_setpoint_c for info in used if math.isfinite(info.chamber_setpoint_c)}
     if len(points_c) > 1:
         parts.append(set_points(points_c, words))

@@ -14,7 +14,6 @@ from PIL import Image
 
 from benchctl.bench import Bench, bench_of_text
 from benchctl.campaign.provenance import software
-from benchctl.documents import json_document
 from benchctl.limits import cut
 from benchctl.metrology.result import Acceptance
 from benchctl.recordings.model import Meta, StepInfo
@@ -90,7 +89,7 @@ def header(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> t
         ("rated_range", _plus_minus(meta.unit.range_dps, "deg/s", words)),
         ("standard", papers.standard),
         ("stage", words.stage(papers.stage)),
-        ("recorded", _utc(provenance.get("started_utc", ""))),
+        ("recorded", cut(setup_section.utc(provenance.get("started_utc", "")))),
         ("recording", facts.name),
         ("procedure", provenance.get("procedure", "")),
         ("limits_file", acceptance.limits_name),
@@ -156,11 +155,15 @@ def environment(facts: RecordingFacts, words: Catalogue) -> tuple[Row, ...]:
 
 def traceability(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> tuple[Row, ...]:
     """Return the digests of all inputs of the report, and the versions of the programs."""
+    recorded_with = setup_section.json_object(facts.meta.provenance.get("software", "")) or {}
     rows = (
         (words.label("recording_sha256"), facts.digest),
         (words.label("limits_sha256", file=acceptance.limits_name), acceptance.limits_sha256),
         (words.label("procedure_sha256"), facts.meta.provenance.get("procedure_sha256", "")),
-        (words.label("recorded_with"), _versions(_table(facts.meta.provenance.get("software", "")))),
+        (
+            words.label("recorded_with"),
+            _versions(recorded_with),
+        ),
         (words.label("judged_with"), _versions({name: software()[name] for name in _JUDGED_WITH})),
     )
     return tuple((name, value) for name, value in rows if value)
@@ -241,18 +244,5 @@ def _with_unit(value: float, unit: str, words: Catalogue) -> str:
     return text.with_unit(exact(value, words), words.unit(unit)) if value else ""
 
 
-def _utc(stamp: str) -> str:
-    return cut(stamp.replace("T", " ").replace("+00:00", " UTC"))
-
-
 def _versions(told: Mapping[str, object]) -> str:
     return ", ".join(f"{name} {version}" for name, version in told.items())
-
-
-def _table(told: str) -> Mapping[str, object]:
-    """Return a table that the provenance stores as JSON; empty if it is not one."""
-    try:
-        found = json_document(told, "provenance") if told else {}
-    except UsageError:
-        return {}
-    return found if isinstance(found, dict) else {}

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 
 from benchctl.calibration.result import JointFit
-from benchctl.reports.calibration_page import calibration_page, write_calibration_report
+from benchctl.reports.calibration_page import calibration_page
 from benchctl.reports.coefficient_tables import symbol
 from benchctl.reports.path_figures import levels_figure
 from benchctl.reports.setup_section import step_groups
-from benchctl_instruments.errors import UsageError
 from tests.benchctl.reports.example import K0, U0, C, G, S, example, meta
 from tests.benchctl.reports.page import Page
 
@@ -202,19 +201,6 @@ def with_polynomial(result):
         bic=result.best.bic - 10,
     )
     return dataclasses.replace(result, joint=(polynomial, *result.joint))
-
-
-def test_the_report_is_written_whole_or_not_at_all(tmp_path, campaign, no_figures):
-    path = tmp_path / "report.html"
-    write_calibration_report(path, *campaign_arguments(campaign), digest=DIGEST)
-    assert path.read_text(encoding="utf-8") == calibration_page(*campaign_arguments(campaign), digest=DIGEST)
-    assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
-
-
-def test_a_disk_that_refuses_is_one_line_and_leaves_nothing(tmp_path, campaign, no_figures):
-    with pytest.raises(UsageError, match=r"r\.html: cannot be written"):
-        write_calibration_report(tmp_path / "nowhere" / "r.html", *campaign_arguments(campaign), digest=DIGEST)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_step_cut_into_fitted_and_kept_parts_is_said_so_and_its_parts_have_their_own_times(campaign, no_figures):

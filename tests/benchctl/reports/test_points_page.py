@@ -8,7 +8,7 @@ import pytest
 from benchctl.calibration.static_points_fit import fit_static_points
 from benchctl.recordings.model import BenchFacts, Meta, Unit
 from benchctl.recordings.static_points import StaticPoints
-from benchctl.reports.points_page import points_figure, static_points_page, write_static_points_report
+from benchctl.reports.points_page import points_figure, static_points_page
 from tests.benchctl.reports.page import Page
 from tests.shared import SHARED, needs_shared
 
@@ -75,14 +75,12 @@ def test_the_figure_names_its_axes():
 
 
 @needs_shared(TABLE)
-def test_the_real_gyro_s_line_misses_by_percents_and_its_sine_by_tenths(tmp_path):
+def test_the_real_gyro_s_line_misses_by_percents_and_its_sine_by_tenths():
     rows = list(csv.DictReader((SHARED / TABLE).read_text().splitlines()))
     columns = {name: np.array([float(row[name]) for row in rows]) for name in ("rate_dps", "gyro_v_mean", "gyro_v_std")}
     points = StaticPoints(rate_dps=columns["rate_dps"], mean_v=columns["gyro_v_mean"], std_v=columns["gyro_v_std"])
     result = fit_static_points(points.rate_dps, points.mean_v, points.std_v)
-    path = tmp_path / "report.html"
-    write_static_points_report(path, result, points, meta_of(), digest="beef")
-    page = Page(path.read_text(encoding="utf-8"))
+    page = Page(static_points_page(result, points, meta_of(), digest="beef"))
     tile = page.text.index("straight line")
     assert float(page.text[tile + 1].split()[0]) == pytest.approx(result.rotating.line.rms_percent_fs, rel=0.06)
     assert result.rotating.line.rms_dps > 10 * result.rotating.sine.rms_dps

@@ -10,7 +10,7 @@ from benchctl.diagnosis.diagnose import diagnose
 from benchctl.model_file import Model, read_model, write_model
 from benchctl.proof.part_trials import drawn
 from benchctl.recordings.reader import open_recording
-from benchctl.reports.diagnosis_page import write_diagnosis_report
+from benchctl.reports.diagnosis_page import diagnosis_page
 from tests.benchctl.diagnosis.made_chamber import Truth, chamber_channels
 from tests.benchctl.diagnosis.made_recording import recording_of
 
@@ -42,9 +42,7 @@ def test_a_vent_that_opens_at_a_temperature_is_modelled_carried_by_the_model_fil
     file = tmp_path / "model.toml"
     write_model(file, Model(parts=found.model["parts"]))
     assert list(read_model(file).parts["chamber"]["effects"]) == ["step_of_heat_over_chamber_temp"]
-    report = tmp_path / "report.html"
-    write_diagnosis_report(report, found, recording.meta, recording.infos, digest="", unit="K")
-    page = report.read_text(encoding="utf-8")
+    page = diagnosis_page(found, recording.meta, recording.infos, digest="", unit="K")
     assert "Step of the heat over the chamber" in page
     assert "T_room − T + " in page
 

@@ -12,7 +12,7 @@ from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.result import Diagnosis
 from benchctl.model_file import Model, read_model, write_model
 from benchctl.recordings.reader import join
-from benchctl.reports.diagnosis_page import write_diagnosis_report
+from benchctl.reports.diagnosis_page import diagnosis_page
 from benchctl.reports.mismatch_figures import curve_figure
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.diagnosis.made_drive import INERTIA, VISCOUS, Truth, drive_channels
@@ -114,9 +114,7 @@ def test_a_wide_dent_over_the_angle_is_one_shape_and_not_an_offset_with_harmonic
 def test_report_and_model_file_carry_the_torque_which_is_refused_of_another_part(tmp_path: Path) -> None:
     recording = recording_of(drive_channels(Truth(extra=windage), 5))
     found = diagnose(recording, part="drive")
-    report = tmp_path / "report.html"
-    write_diagnosis_report(report, found, recording.meta, recording.infos, digest="", unit="N m")
-    page = report.read_text(encoding="utf-8")
+    page = diagnosis_page(found, recording.meta, recording.infos, digest="", unit="N m")
     assert "Kink of the torque over the" in page
     assert "τ = J·dω/dt + b·ω + above·max(rate − at, 0)" in page
     of_a_load = curve_figure(found.unexplained.models[0], "count")
