@@ -44,19 +44,17 @@ class EspecP300(LineChamber):
     ----------
     address
         `serial://DEVICE?baud=9600` (or as set on the controller), `tcp://HOST:10001` or `socket://HOST:PORT`.
-    clock
-        The clock used for waiting.
     rs485_address
         The chamber's number on RS-485, sent before every request; None on RS-232 and through the box.
-    timeout_s
-        Timeout of a connection and of an answer; wall time.
     pause_s
         Quiet time between two exchanges; one open driver leaves 0.3 s, the manufacturer's library none.
     ready_s
         How long to repeat a request while the chamber reports that it, or its data, is not ready.
     alarm_words
         Meanings of the alarm codes, `{"12": "…"}`, from the chamber's manual: no public list exists.
-    reconnect, wire_log
+    clock, timeout_s, wire_log
+        See `LineChamber`.
+    reconnect
         See `byte_link`.
     """
 

@@ -34,6 +34,9 @@ class LineChamber(Instrument, ABC):
         The clock used for waiting.
     controller
         The controller's name, for the error message of an answer that cannot be read.
+
+    A model's driver takes also `timeout_s`, the timeout of a connection and of an answer in wall time, and `wire_log`,
+    as `byte_link` does.
     """
 
     def __init__(self, lines: LineDialogue, *, clock: Clock, controller: str) -> None:

@@ -19,7 +19,6 @@ from benchctl_instruments.chambers.line_chamber import SETPOINT, KeptLimitsChamb
 from benchctl_instruments.interfaces import Clock
 from benchctl_instruments.links.lines import LineDialogue, Manners
 from benchctl_instruments.links.serial_port import byte_link
-from benchctl_instruments.links.tcp import Reconnect
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import thermotron
 from benchctl_instruments.protocols.lines import parse_number
@@ -42,12 +41,8 @@ class Thermotron(KeptLimitsChamber):
     ----------
     address
         `tcp://HOST:PORT`, `serial://DEVICE?baud=9600` (or as set on the controller) or `socket://HOST:PORT`.
-    clock
-        The clock used for waiting.
-    timeout_s
-        Timeout of a connection and of an answer; wall time.
-    reconnect, wire_log
-        See `byte_link`.
+    clock, timeout_s, wire_log
+        See `LineChamber`.
     """
 
     NAME: ClassVar[str]
@@ -59,12 +54,11 @@ class Thermotron(KeptLimitsChamber):
         *,
         clock: Clock,
         timeout_s: float = 3.0,
-        reconnect: Reconnect | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
         lines = LineDialogue(
             self.NAME,
-            byte_link(address, default_baud=BAUD, reconnect=reconnect, wire_log=wire_log),
+            byte_link(address, default_baud=BAUD, wire_log=wire_log),
             manners=Manners(answer_end=None, timeout_s=timeout_s, commands_answered=self.COMMANDS_ANSWERED),
             clock=clock,
         )

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import select
-import socket
 import sys
 import threading
 import time
@@ -13,7 +11,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from benchctl_instruments.simulated.serial_line import MOST_BYTES, open_pty
-from benchctl_instruments.simulated.tcp_server import Startable, Where, address_of, listen
+from benchctl_instruments.simulated.tcp_server import LatestClient, Startable
 
 PIECE_S = 0.004
 """Wall time between two checks for due data: as coarse as a good serial converter delivers them."""
@@ -167,55 +165,29 @@ class _TcpEnd:
     """A listener and its latest client."""
 
     def __init__(self) -> None:
-        self._where: Where = ("127.0.0.1", 0)
-        self._client: socket.socket | None = None
+        self._latest = LatestClient()
+        self.open, self.close = self._latest.open, self._latest.close
 
     def address(self, baud: int) -> str:
-        return address_of(self._where).replace("tcp://", "socket://")
-
-    def open(self) -> None:
-        self._listener, self._where = listen(self._where)
-
-    def close(self) -> None:
-        self._drop()
-        self._listener.close()
+        return self._latest.address.replace("tcp://", "socket://")
 
     def receive(self, timeout_s: float) -> bytes:
         """Return the bytes from the client, b"" if none arrive in time or another client connects."""
-        sources = [self._listener] + ([self._client] if self._client else [])
-        ready, _, _ = select.select(sources, [], [], timeout_s)
-        if self._listener in ready:
-            with contextlib.suppress(OSError):  # it is disconnected already
-                client, _ = self._listener.accept()
-                client.setblocking(False)
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self._drop()
-                self._client = client
-            return b""
-        if self._client is None or self._client not in ready:
+        if self._latest.accepts(timeout_s, reading=True) or self._latest.client is None:
             return b""
         try:
-            data = self._client.recv(MOST_BYTES)
+            data = self._latest.client.recv(MOST_BYTES)
+        except BlockingIOError:
+            return b""
         except OSError:
             data = b""
         if not data:
-            self._drop()
+            self._latest.drop()
         return data
 
     def send(self, data: memoryview, timeout_s: float) -> int:
         """Return the number of bytes that the client accepted in time."""
-        if self._client is None:
+        if self._latest.client is None:
             return 0
-        _, ready, _ = select.select([], [self._client], [], timeout_s)
-        try:
-            return self._client.send(data) if ready else 0
-        except BlockingIOError:
-            return 0
-        except OSError:  # it disconnected
-            self._drop()
-            return 0
-
-    def _drop(self) -> None:
-        if self._client is not None:
-            self._client.close()
-            self._client = None
+        _, ready, _ = select.select([], [self._latest.client], [], timeout_s)
+        return self._latest.send(data) if ready else 0

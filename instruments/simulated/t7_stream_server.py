@@ -6,10 +6,7 @@ the wire has taken the stored data, a dummy scan marks the gap and scanning cont
 
 from __future__ import annotations
 
-import contextlib
 import math
-import select
-import socket
 import threading
 import time
 from collections.abc import Callable
@@ -38,7 +35,7 @@ from benchctl_instruments.simulated.faults.stream_faults import (
     StreamStalls,
 )
 from benchctl_instruments.simulated.machines import AnalogInputs
-from benchctl_instruments.simulated.tcp_server import Where, address_of, listen
+from benchctl_instruments.simulated.tcp_server import LatestClient
 
 MOST_SAMPLES_A_SECOND = 100_000
 LARGEST_BATCH = 8192
@@ -201,9 +198,7 @@ class T7StreamServer:
     def __init__(self, inputs: AnalogInputs) -> None:
         self.faults: PendingFaults[StreamFault] | None = None
         self._inputs = inputs
-        self._where: Where = ("127.0.0.1", 0)
-        self._listener: socket.socket | None = None
-        self._client: socket.socket | None = None
+        self._latest = LatestClient(send_buffer_bytes=SEND_BUFFER_BYTES)
         self._thread: threading.Thread | None = None
         self._stopping = False
         self._changed = threading.Condition()
@@ -212,17 +207,15 @@ class T7StreamServer:
     @property
     def address(self) -> str:
         """`tcp://HOST:PORT`, with the actual port while it runs."""
-        return address_of(self._where)
+        return self._latest.address
 
     def start(self) -> None:
         """Listen; when it returns, a client can connect."""
-        if self._listener is not None:
+        if self._thread is not None:
             return
-        self._listener, self._where = listen(self._where)
+        self._latest.open()
         self._stopping = False
-        self._thread = threading.Thread(
-            target=self._serve, args=(self._listener,), name=f"stream {self.address}", daemon=True
-        )
+        self._thread = threading.Thread(target=self._serve, name=f"stream {self.address}", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
@@ -232,10 +225,8 @@ class T7StreamServer:
             self._changed.notify_all()
         if self._thread is not None:
             self._thread.join()
-        self._drop_client()
-        if self._listener is not None:
-            self._listener.close()
-        self._listener = self._thread = None
+        self._latest.close()
+        self._thread = None
 
     @property
     def running(self) -> bool:
@@ -260,7 +251,7 @@ class T7StreamServer:
             self._stream = None
             self._inputs.hold_history(None)
 
-    def _serve(self, listener: socket.socket) -> None:
+    def _serve(self) -> None:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._stopping or self._stream is not None)
@@ -268,24 +259,22 @@ class T7StreamServer:
             if stream is None:
                 return
             if self.faults is None:
-                self._run(stream, listener)
+                self._run(stream)
             else:
-                self._run_with_faults(stream, listener, self.faults)
+                self._run_with_faults(stream, self.faults)
 
-    def _run(self, stream: StreamBuffer, listener: socket.socket) -> None:
+    def _run(self, stream: StreamBuffer) -> None:
         while self._stream is stream:
             now_s = self._inputs.now()
             packets = self._packets(stream, now_s)
             if packets:
-                self._send(stream, packets, stream.due(now_s), listener)
+                self._send(stream, packets, stream.due(now_s))
             if stream.over:
                 self._end_if(stream)
             elif stream.next_packet_s > self._inputs.now():
                 self._inputs.wait_until(stream.next_packet_s, PATIENCE_S)
 
-    def _run_with_faults(
-        self, stream: StreamBuffer, listener: socket.socket, faults: PendingFaults[StreamFault]
-    ) -> None:
+    def _run_with_faults(self, stream: StreamBuffer, faults: PendingFaults[StreamFault]) -> None:
         """Do the same as `_run`, but send a packet with a fault separately, after the valid ones before it."""
         sound, fault, lost = 0, None, 0
         while self._stream is stream:
@@ -302,39 +291,37 @@ class T7StreamServer:
                 kept = packets[min(lost, made) * stream.packet_bytes :]
                 sound, lost = sound - made, max(0, lost - made)
                 if kept:
-                    self._send(stream, kept, stream.due(now_s), listener)
+                    self._send(stream, kept, stream.due(now_s))
             elif fault is not None:
                 packet = self._packets(stream, now_s, most=1)
                 if isinstance(fault, StreamGap):
                     lost = fault.packets - 1
                 else:
-                    self._send_with_fault(fault, stream, packet, listener)
+                    self._send_with_fault(fault, stream, packet)
                 fault = None
             if stream.over:
                 self._end_if(stream)
             elif stream.next_packet_s > self._inputs.now():
                 self._inputs.wait_until(stream.next_packet_s, PATIENCE_S)
 
-    def _send_with_fault(
-        self, fault: StreamFault, stream: StreamBuffer, packet: bytes, listener: socket.socket
-    ) -> None:
+    def _send_with_fault(self, fault: StreamFault, stream: StreamBuffer, packet: bytes) -> None:
         in_transit = stream.due(self._inputs.now())
         if isinstance(fault, StreamEnds):
             self._end_if(stream)
         elif isinstance(fault, StreamCut):
-            self._cut(stream, packet, listener)
+            self._cut(stream, packet)
         else:
             if isinstance(fault, StreamStalls):
                 self._stall(fault.for_s, stream, in_transit)
             junk = JUNK if isinstance(fault, StreamJunk) else b""
-            self._send(stream, junk + packet, in_transit, listener)
+            self._send(stream, junk + packet, in_transit)
 
-    def _cut(self, stream: StreamBuffer, packet: bytes, listener: socket.socket) -> None:
+    def _cut(self, stream: StreamBuffer, packet: bytes) -> None:
         with self._changed:
             if self._stream is stream:
-                self._accept(listener)
-                self._send_some(memoryview(packet)[: len(packet) // 2])
-                self._drop_client()
+                self._accept_all()
+                self._latest.send(memoryview(packet)[: len(packet) // 2])
+                self._latest.drop()
 
     def _stall(self, for_s: float, stream: StreamBuffer, in_transit: int) -> None:
         until_s = time.monotonic() + for_s
@@ -356,47 +343,23 @@ class T7StreamServer:
                 self._stream = None
                 self._inputs.hold_history(None)
 
-    def _send(self, stream: StreamBuffer, packets: bytes, in_transit: int, listener: socket.socket) -> None:
-        left, client = memoryview(packets), self._client
+    def _send(self, stream: StreamBuffer, packets: bytes, in_transit: int) -> None:
+        left, client = memoryview(packets), self._latest.client
         while left:
             with self._changed:
                 if self._stream is not stream:
                     return
-                self._accept(listener)
-                if self._client is not client:  # the new one gets the packet from its beginning
+                self._accept_all()
+                if self._latest.client is not client:  # the new one gets the packet from its beginning
                     sent = len(packets) - len(left)
-                    left, client = memoryview(packets)[sent - sent % stream.packet_bytes :], self._client
-                count = self._send_some(left)
+                    left, client = memoryview(packets)[sent - sent % stream.packet_bytes :], self._latest.client
+                count = self._latest.send(left)
             left = left[count:]
             if not count:
                 stream.fill(self._inputs.now(), in_transit)
-                select.select([listener], [self._client] if self._client else [], [], PATIENCE_S)
+                self._latest.accepts(PATIENCE_S, writing=True)
 
-    def _accept(self, listener: socket.socket) -> None:
+    def _accept_all(self) -> None:
         """Accept the latest of all waiting clients."""
-        while select.select([listener], [], [], 0)[0]:
-            with contextlib.suppress(OSError):  # it is disconnected already
-                self._take(listener.accept()[0])
-
-    def _take(self, client: socket.socket) -> None:
-        client.setblocking(False)
-        client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._drop_client()
-        self._client = client
-
-    def _send_some(self, data: memoryview) -> int:
-        if self._client is None:
-            return 0
-        try:
-            return self._client.send(data)
-        except BlockingIOError:
-            return 0
-        except OSError:  # it disconnected
-            self._drop_client()
-            return 0
-
-    def _drop_client(self) -> None:
-        if self._client is not None:
-            self._client.close()
-            self._client = None
+        while self._latest.accepts(0.0):
+            pass

@@ -13,25 +13,83 @@ from typing import Protocol, Self
 from benchctl_instruments.errors import UsageError, reason
 from benchctl_instruments.simulated.faults.link_faults import Conversation, FaultyConversation, LinkFaults
 
-Where = tuple[str, int]
-"""Host and port; port 0 takes a free one."""
+HOST = "127.0.0.1"
 
 
-def address_of(where: Where) -> str:
-    """Return `tcp://HOST:PORT`, with an IPv6 host in brackets."""
-    host, port = where
-    return f"tcp://{f'[{host}]' if ':' in host else host}:{port}"
+def address_of(port: int) -> str:
+    """Return `tcp://HOST:PORT`."""
+    return f"tcp://{HOST}:{port}"
 
 
-def listen(where: Where) -> tuple[socket.socket, Where]:
-    """Return a listening socket and its actual address; raises `UsageError` if the port is in use or not permitted."""
-    host = where[0]
+def listen(port: int) -> tuple[socket.socket, int]:
+    """Return a listening socket and its port; raises `UsageError` if the port is in use or not permitted."""
     try:
-        listener = socket.create_server(where, family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+        listener = socket.create_server((HOST, port))
     except OSError as err:
-        raise UsageError(f"cannot listen at {address_of(where)}: {reason(err)}; choose another port, or 0") from err
+        raise UsageError(f"cannot listen at {address_of(port)}: {reason(err)}; choose another port, or 0") from err
     listener.setblocking(False)
-    return listener, (host, listener.getsockname()[1])
+    return listener, listener.getsockname()[1]
+
+
+class LatestClient:
+    """A listener and the latest of its clients, to whom it sends without waiting."""
+
+    def __init__(self, *, send_buffer_bytes: int | None = None) -> None:
+        self.client: socket.socket | None = None
+        self._listener: socket.socket | None = None
+        self._port = 0
+        self._send_buffer_bytes = send_buffer_bytes
+
+    @property
+    def address(self) -> str:
+        """`tcp://HOST:PORT`, with the actual port after `open`."""
+        return address_of(self._port)
+
+    def open(self) -> None:
+        """Listen; the second time at the same port."""
+        self._listener, self._port = listen(self._port)
+
+    def close(self) -> None:
+        """Close the connection and the listener; safe to call twice."""
+        self.drop()
+        if self._listener is not None:
+            self._listener.close()
+        self._listener = None
+
+    def accepts(self, timeout_s: float, *, reading: bool = False, writing: bool = False) -> bool:
+        """Accept another client; False if none connects in time, or before the present one sends or takes bytes."""
+        readers = [one for one in (self._listener, self.client if reading else None) if one]
+        writers = [self.client] if self.client and writing else []
+        ready, _, _ = select.select(readers, writers, [], timeout_s)
+        if self._listener is None or self._listener not in ready:
+            return False
+        with contextlib.suppress(OSError):  # it is disconnected already
+            client, _ = self._listener.accept()
+            client.setblocking(False)
+            if self._send_buffer_bytes is not None:
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._send_buffer_bytes)
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self.drop()
+            self.client = client
+        return True
+
+    def send(self, data: memoryview) -> int:
+        """Return the number of bytes that the client accepted at once."""
+        if self.client is None:
+            return 0
+        try:
+            return self.client.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:  # it disconnected
+            self.drop()
+            return 0
+
+    def drop(self) -> None:
+        """Close the connection to the client, if there is one."""
+        if self.client is not None:
+            self.client.close()
+            self.client = None
 
 
 _SLICE_S = 0.005  # line time of one slice of a paced reply
@@ -62,8 +120,8 @@ class TcpServer(Startable):
     ----------
     converse
         Creates the conversation of a new connection.
-    host, port
-        Where to listen; port 0 takes a free one, which `address` then contains.
+    port
+        Where to listen; 0 takes a free one, which `address` then contains.
     pace_baud
         Replies are sent no faster than over a serial line of this speed in bits per second (10 bits a byte, wall time).
 
@@ -77,13 +135,12 @@ class TcpServer(Startable):
         self,
         converse: Callable[[], Conversation],
         *,
-        host: str = "127.0.0.1",
         port: int = 0,
         pace_baud: int | None = None,
     ) -> None:
         self.faults: LinkFaults | None = None
         self._converse = converse
-        self._where = (host, port)
+        self._port = port
         self._pace_baud = pace_baud
         self._listener: socket.socket | None = None
         self._acceptor: threading.Thread | None = None
@@ -97,13 +154,13 @@ class TcpServer(Startable):
     @property
     def address(self) -> str:
         """`tcp://HOST:PORT`, with the actual port while it runs."""
-        return address_of(self._where)
+        return address_of(self._port)
 
     def start(self) -> None:
         """Listen; when it returns, a client can connect."""
         if self._listener is not None:
             return
-        listener, self._where = listen(self._where)
+        listener, self._port = listen(self._port)
         self._wake, awake = socket.socketpair()
         self._stopping.clear()
         self._listener = listener
@@ -142,7 +199,7 @@ class TcpServer(Startable):
                 if self._stopping.wait(max(0.0, self._away_until_s - time.monotonic())):
                     return
                 self._gone.clear()
-                listener, _ = listen(self._where)
+                listener, _ = listen(self._port)
 
     def _accept_until_woken(self, listener: socket.socket, awake: socket.socket) -> None:
         while True:
