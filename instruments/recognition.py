@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, get_args
 
 from benchctl_instruments.interfaces import Clock
 from benchctl_instruments.links.modbus import ModbusLink
@@ -71,6 +71,3 @@ class ByRegisters:
     baud: int = 19200
     pause_s: float = 0.0
     schemes: tuple[Scheme, ...] = ANY_LINK
-
-
-Recognition: TypeAlias = ByFrames | ByLine | ByRegisters

@@ -29,9 +29,6 @@ Group = Literal[
 ]
 """The groups of entries; their headings are in `terms/*.toml`."""
 
-PART_OF_BENCH: tuple[Group, ...] = ("gyro", "drive", "chamber")
-"""Groups of effects, one per part of the bench."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:

@@ -64,10 +64,7 @@ PARTS: dict[int, tuple[Part, ...]] = {
 
 RATE_STEP_DPS = 2.0**-14
 ANGLE_STEP_DEG = 2.0**-21
-ACCELERATION_STEP_G = {2: 2.0**-21, 5: 2.0**-20, 10: 2.0**-19, 30: 2.0**-18, 80: 2.0**-16}  # by the range, ±g
-INCLINATION_STEP_G = 2.0**-22
 TEMPERATURE_STEP_C = 2.0**-8
-AUXILIARY_STEP_V = 5.0 * 2.0**-24
 
 STATUS_WORDS = {
     7: "system integrity error",

@@ -12,20 +12,11 @@ import time
 from typing import Protocol
 
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import Clock
 
 
-class BenchClock(Protocol):
-    """A `benchctl_instruments.interfaces.Clock` on which other threads than the host's can wait."""
-
-    def now(self) -> float:
-        """Return the seconds of bench time since the clock was created; never decreases."""
-
-    def sleep(self, seconds: float) -> None:
-        """Wait for `seconds` of bench time."""
-
-    @property
-    def chunk_s(self) -> float:
-        """Longest bench time between two checks of the bench."""
+class BenchClock(Clock, Protocol):
+    """A clock on which other threads than the host's can wait."""
 
     def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
         """Block until an instant of bench time, at most `timeout_s` of wall time; return whether it was reached."""

@@ -58,6 +58,8 @@ class DigitalGyro(Startable, ABC):
         The line that carries the frames; it counts dropped frames, and can be disturbed.
     sent
         Number of frames created.
+    batch_s
+        Bench times [s] at which the latest frames of `due` were sampled, shape (n,).
     """
 
     frame_bytes: int
@@ -75,7 +77,7 @@ class DigitalGyro(Startable, ABC):
         self._rate_hz = math.nan
         self._made = 0  # in this stream
         self.sent = 0
-        self._batch_s: FloatArray = np.empty(0)  # the instants of the latest frames
+        self.batch_s: FloatArray = np.empty(0)
         self.line = PushLine(self, baud=baud, over_tcp=over_tcp)
 
     @property
@@ -95,11 +97,6 @@ class DigitalGyro(Startable, ABC):
     @abstractmethod
     def feed(self, data: bytes) -> bytes:
         """Process received bytes, and return the answers to complete commands."""
-
-    @property
-    def batch_s(self) -> FloatArray:
-        """Bench times [s] at which the latest frames of `due` were sampled, shape (n,)."""
-        return self._batch_s
 
     @abstractmethod
     def _skip(self, frames: int) -> None:
@@ -121,7 +118,7 @@ class DigitalGyro(Startable, ABC):
         samples = min(late, LARGEST_BATCH)
         interval_s = 1.0 / self._rate_hz
         rates_dps, temperature_c = self._sampled(interval_s, samples)
-        self._batch_s = self._first_s + np.arange(self._made, self._made + samples, dtype=np.float64) * interval_s
+        self.batch_s = self._first_s + np.arange(self._made, self._made + samples, dtype=np.float64) * interval_s
         self._made += samples
         self.sent += samples
         self._inputs.hold_history(self._first_s + self._made * interval_s)

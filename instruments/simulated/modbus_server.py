@@ -118,25 +118,18 @@ class RegisterTable:
         return self._at[address]
 
 
-class TakesSetpoint(Protocol):
-    """A chamber whose set point can be set."""
-
-    def set_setpoint(self, setpoint_c: float) -> None:
-        """Set a new set point."""
-
-
 class LimitedSetpoint:
-    """A set point in °C between two limits; a value that violates their order is refused with exception 3."""
+    """A set point in °C between two limits, passed to `take`; one that violates their order gets exception 3."""
 
-    def __init__(self, chamber: TakesSetpoint, low_c: float, high_c: float) -> None:
-        self._chamber = chamber
+    def __init__(self, take: Callable[[float], None], low_c: float, high_c: float) -> None:
+        self._take = take
         self.low_c, self.high_c = low_c, high_c
 
     def put(self, value_c: float) -> None:
         """Set a new set point."""
         if not self.low_c <= value_c <= self.high_c:  # also refuses NaN
             raise ModbusRefusal(ILLEGAL_VALUE)
-        self._chamber.set_setpoint(value_c)
+        self._take(value_c)
 
     def put_low(self, value_c: float) -> None:
         """Set a new low limit."""
@@ -196,19 +189,13 @@ def scaled(
     )
 
 
-def u32(
-    address: int,
-    get: Callable[[], int],
-    put: Callable[[int], None] | None = None,
-    *,
-    word_order: WordOrder = "high_first",
-) -> Register:
-    """Return two registers for an unsigned 32-bit number."""
+def u32(address: int, get: Callable[[], int], put: Callable[[int], None] | None = None) -> Register:
+    """Return two registers for an unsigned 32-bit number, high word first."""
     return Register(
         address=address,
         words=2,
-        read=lambda: words_from_u32(get() & 0xFFFFFFFF, word_order),
-        write=None if put is None else lambda words: put(u32_from_words(words, word_order)),
+        read=lambda: words_from_u32(get() & 0xFFFFFFFF, "high_first"),
+        write=None if put is None else lambda words: put(u32_from_words(words, "high_first")),
     )
 
 

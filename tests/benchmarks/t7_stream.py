@@ -120,7 +120,7 @@ class Served:
 def serve(scans: int, faults: Sequence[StreamFault], talk: Connection) -> None:
     """A simulated T7 on a bench that moves: its addresses, and on being told that all is read what it did."""
     # Imported here, so that the reader's memory is the reader's own.
-    from benchctl_instruments.simulated.faults.schedule import FaultLog, PendingFaults
+    from benchctl_instruments.simulated.faults.schedule import PendingFaults
     from benchctl_instruments.simulated.labjack_t7 import SimulatedLabJackT7
     from benchctl_instruments.simulated.world import World
 
@@ -132,7 +132,7 @@ def serve(scans: int, faults: Sequence[StreamFault], talk: Connection) -> None:
     inputs = LimitedInputs(world.inputs, scans)
     twin = SimulatedLabJackT7(inputs)
     if faults:
-        twin.stream_faults = PendingFaults("digitizer_stream", faults, FaultLog())
+        twin.stream_faults = PendingFaults("digitizer_stream", faults, [])
     with twin:
         began_cpu_s = time.process_time()
         talk.send((twin.address, twin.stream_address))

@@ -17,7 +17,7 @@ from benchctl_instruments.simulated.faults.machines import (
     FaultyTable,
     MachineFault,
 )
-from benchctl_instruments.simulated.faults.schedule import FaultLog, FaultTable, Fired, PendingFaults
+from benchctl_instruments.simulated.faults.schedule import FaultTable, Fired, PendingFaults
 from benchctl_instruments.simulated.faults.stream_faults import (
     AnyStreamFault,
     FrameFault,
@@ -45,12 +45,12 @@ class BenchFaults:
     def __init__(self, faults: Iterable[FaultTable], now: Callable[[], float]) -> None:
         self._faults = tuple(faults)
         self._now = now
-        self._log = FaultLog()
+        self._log: list[Fired] = []
 
     @property
     def fired(self) -> tuple[Fired, ...]:
         """The faults that have happened, oldest first."""
-        return self._log.fired
+        return tuple(self._log)
 
     def table(self, table: TableMachine) -> TableMachine:
         """Return the table with its faults."""

@@ -15,7 +15,7 @@ from typing import Annotated, ClassVar, Literal, Protocol
 from pydantic import Field, field_validator
 
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.simulated.faults.schedule import LASTS, FaultLog, FaultTable, PendingFaults, Place, Positive
+from benchctl_instruments.simulated.faults.schedule import LASTS, FaultTable, Fired, PendingFaults, Place, Positive
 from benchctl_instruments.simulated.faults.wires import Wire
 
 
@@ -298,7 +298,7 @@ class LinkFaults:
         wire: Wire,
         now: Callable[[], float],
         happen: Callable[[str], None],
-        log: FaultLog,
+        log: list[Fired],
     ) -> None:
         for fault in faults:
             if fault.needs and getattr(wire, fault.needs) is None:

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from benchctl_instruments.arrays import FloatArray, IntArray
-from benchctl_instruments.simulated.faults.schedule import LASTS, FaultLog, FaultTable, Fired, Place, Positive, Schedule
+from benchctl_instruments.simulated.faults.schedule import LASTS, FaultTable, Fired, Place, Positive, Schedule
 from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine, TableMotion
 
 
@@ -105,7 +105,7 @@ class Spell(Generic[FaultT]):
         read.
     """
 
-    def __init__(self, where: str, fault: FaultT, log: FaultLog) -> None:
+    def __init__(self, where: str, fault: FaultT, log: list[Fired]) -> None:
         self.fault = fault
         self.since_s = math.inf
         self._where = where
@@ -121,12 +121,12 @@ class Spell(Generic[FaultT]):
                 self.since_s = self.fault.from_s if self._looked_s < self.fault.from_s else now_s
                 self._until_s = now_s + self.fault.for_s
                 fired = Fired(bench_s=now_s, where=self._where, kind=self.fault.kind, operation=operation)
-                self._log.note(fired)
+                self._log.append(fired)
             self._looked_s = now_s
             return now_s < self._until_s
 
 
-def spells(where: str, faults: Iterable[object], kind: type[FaultT], log: FaultLog) -> list[Spell[FaultT]]:
+def spells(where: str, faults: Iterable[object], kind: type[FaultT], log: list[Fired]) -> list[Spell[FaultT]]:
     """Return those of a machine's faults that are of one kind."""
     return [Spell(where, fault, log) for fault in faults if isinstance(fault, kind)]
 
@@ -151,7 +151,7 @@ class FaultyInputs:
         The log of faults that have happened.
     """
 
-    def __init__(self, inputs: AnalogInputs, faults: Sequence[MachineFault | ClockDrift], *, log: FaultLog) -> None:
+    def __init__(self, inputs: AnalogInputs, faults: Sequence[MachineFault | ClockDrift], *, log: list[Fired]) -> None:
         self._inputs = inputs
         self._pace = 1.0 + 1e-6 * sum(fault.ppm for fault in faults if isinstance(fault, ClockDrift))
         self._stuck = spells("digitizer", faults, StuckReading, log)
@@ -217,7 +217,7 @@ class FaultyChamber:
     """
 
     def __init__(
-        self, chamber: ChamberMachine, faults: Sequence[MachineFault], *, now: Callable[[], float], log: FaultLog
+        self, chamber: ChamberMachine, faults: Sequence[MachineFault], *, now: Callable[[], float], log: list[Fired]
     ) -> None:
         self._chamber = chamber
         self._now = now
@@ -269,7 +269,7 @@ class FaultyTable:
     """
 
     def __init__(
-        self, table: TableMachine, faults: Sequence[MachineFault], *, now: Callable[[], float], log: FaultLog
+        self, table: TableMachine, faults: Sequence[MachineFault], *, now: Callable[[], float], log: list[Fired]
     ) -> None:
         self._table = table
         self._now = now

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Generic, Literal, TypeVar
@@ -24,25 +23,6 @@ class Fired:
     where: str
     kind: str
     operation: str
-
-
-class FaultLog:
-    """The faults that have happened, oldest first. Thread-safe."""
-
-    def __init__(self) -> None:
-        self._fired: list[Fired] = []
-        self._lock = threading.Lock()
-
-    def note(self, fired: Fired) -> None:
-        """Add a fault to the log."""
-        with self._lock:
-            self._fired.append(fired)
-
-    @property
-    def fired(self) -> tuple[Fired, ...]:
-        """All faults so far."""
-        with self._lock:
-            return tuple(self._fired)
 
 
 Place = Literal["rate_table", "chamber", "digitizer", "digitizer_stream", "gyro"]
@@ -168,7 +148,7 @@ class PendingFaults(Generic[FaultT]):
         The log of faults that have happened.
     """
 
-    def __init__(self, where: str, faults: Sequence[FaultT], log: FaultLog) -> None:
+    def __init__(self, where: str, faults: Sequence[FaultT], log: list[Fired]) -> None:
         self._where, self._log = where, log
         self._faults = [(fault, Schedule(fault)) for fault in faults]
 
@@ -177,5 +157,5 @@ class PendingFaults(Generic[FaultT]):
         due = [fault for fault, schedule in self._faults if schedule.fires(operation, now_s)]
         if not due:
             return None
-        self._log.note(Fired(bench_s=now_s, where=self._where, kind=due[0].kind, operation=operation))
+        self._log.append(Fired(bench_s=now_s, where=self._where, kind=due[0].kind, operation=operation))
         return due[0]

@@ -27,7 +27,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from benchctl_instruments.arrays import FloatArray
-from benchctl_instruments.simulated.faults.schedule import LASTS, FaultLog, FaultTable, PendingFaults, Place, Positive
+from benchctl_instruments.simulated.faults.schedule import LASTS, FaultTable, Fired, PendingFaults, Place, Positive
 
 
 class StreamFault(FaultTable):
@@ -120,7 +120,7 @@ class FrameFaults:
     """
 
     def __init__(
-        self, frame_bytes: int, faults: Sequence[FrameFault], *, batch_s: Callable[[], FloatArray], log: FaultLog
+        self, frame_bytes: int, faults: Sequence[FrameFault], *, batch_s: Callable[[], FloatArray], log: list[Fired]
     ) -> None:
         self._frame_bytes = frame_bytes
         self._faults = PendingFaults("gyro", faults, log)

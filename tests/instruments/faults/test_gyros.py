@@ -23,7 +23,7 @@ from benchctl_instruments.gyros.kvh_dsp1760 import KvhDsp1760
 from benchctl_instruments.gyros.sensonor_stim300 import SensonorStim300
 from benchctl_instruments.interfaces import Gyro
 from benchctl_instruments.simulated.clock import VirtualClock
-from benchctl_instruments.simulated.faults.schedule import FaultLog
+from benchctl_instruments.simulated.faults.schedule import Fired
 from benchctl_instruments.simulated.faults.stream_faults import FrameFault, FrameFaults, FrameKind
 from benchctl_instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
 from benchctl_instruments.simulated.sensonor_stim300 import SimulatedStim300
@@ -39,9 +39,10 @@ WITHOUT_LOSS = ("frame_junk_before", "frame_junk_after")
 
 
 @contextmanager
-def streaming(model: str, kind: FrameKind) -> Iterator[tuple[Gyro, VirtualClock, FaultLog]]:
+def streaming(model: str, kind: FrameKind) -> Iterator[tuple[Gyro, VirtualClock, list[Fired]]]:
     """A gyro, one frame of whose stream is befallen."""
-    clock, log = VirtualClock(), FaultLog()
+    clock = VirtualClock()
+    log: list[Fired] = []
     make_twin: Callable[..., Any]
     make_driver: Callable[..., Any]
     make_twin, make_driver = GYROS[model]
@@ -63,7 +64,7 @@ def test_no_sample_is_wrong_and_what_is_missing_is_told_at_its_place(model: str,
         lost = 0 if kind in WITHOUT_LOSS else 1
         block = gyro.read_stream(200, 5.0)
         gyro.stop_stream()
-    assert len(log.fired) == 1
+    assert len(log) == 1
     assert sum(gap.lost for gap in block.gaps) == lost == block.counts.lost
     steps = np.diff(block.sequence)
     assert sorted(set(steps.tolist())) == ([1, 2] if lost else [1])
