@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from benchctl.calibration.result import CalibrationResult, JointFit
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.reports import setup_section, text, verdict
-from benchctl.reports.coefficient_tables import Budget, budget, joint_coefficients, stage_tables
+from benchctl.reports.coefficient_tables import budget, joint_coefficients, stage_tables
 from benchctl.reports.figures import PATH_LEVELS, Drawing, inline_svg, level_names, style
 from benchctl.reports.html import render
 from benchctl.reports.law_figures import (
@@ -40,7 +40,10 @@ def drawings(result: CalibrationResult) -> Mapping[str, Drawing]:
             add("levels", levels_figure(result), _levels_alt(result), _levels_caption(result))
         if level is not None:
             add("rows", residual_rows_figure(result), _rows_alt(result), _rows_caption(result))
-            add("final", final_residuals_figure(result, level), _final_alt(), _final_caption(result))
+            alt = (
+                "What the final model leaves, against rate and acceleration, with means in bins, and its distribution."
+            )
+            add("final", final_residuals_figure(result, level), alt, _final_caption(result))
         t0 = text.plain(result.T0_c, "°C")
         add(
             "output",
@@ -99,10 +102,6 @@ def _rows_caption(result: CalibrationResult) -> str:
         "Compensated less true rate, one point a block; each row has its own scale. "
         f"{colours}Of many points those drawn include the highest and lowest everywhere."
     )
-
-
-def _final_alt() -> str:
-    return "What the final model leaves, against rate and acceleration, with means in bins, and its distribution."
 
 
 def _final_caption(result: CalibrationResult) -> str:
@@ -267,7 +266,7 @@ def calibration_page(result: CalibrationResult, meta: Meta, infos: Sequence[Step
         others=[_other(joint, result) for joint in result.joint[1:]],
         stages=stage_tables(result),
         budget=contributors,
-        budget_notes=_notes(contributors) if contributors else [],
+        budget_notes=[(one.name, "; ".join(one.says)) for one in contributors.sources] if contributors else [],
         runs=run_table(result, infos),
         level_names={level: verdict.level_name(result, level) for level in PATH_LEVELS},
         remarks=remarks(result),
@@ -295,7 +294,3 @@ def _other(joint: JointFit, result: CalibrationResult) -> dict[str, object]:
         "error_percent": result.error_percent.get(f"joint_{joint.law}"),
         "rows": joint_coefficients(joint),
     }
-
-
-def _notes(of: Budget) -> list[tuple[str, str]]:
-    return [(source.name, "; ".join(source.says)) for source in of.sources]

@@ -30,7 +30,7 @@ from benchctl.reports.fleet_facts import (
     spreads,
 )
 from benchctl.reports.fleet_stated import FleetVerb, FoundEffect
-from benchctl.reports.history_charts import amount, padded, power, svg_of, text_at
+from benchctl.reports.history_charts import amount, padded, power, shortened, svg_of, text_at
 from benchctl.reports.html import render, write_page
 from benchctl.reports.results import make_folder
 
@@ -210,10 +210,10 @@ def effects_chart(found: Sequence[Recurring], of: Sequence[Member]) -> Markup:
             x = _NAMES + (number + 0.5) * wide
             parts.append(
                 Markup('<text transform="translate({:.1f} {:.1f}) rotate(-60)" text-anchor="end">{}</text>').format(
-                    x + 3.0, height + 10.0, _short(member.name)
+                    x + 3.0, height + 10.0, shortened(member.name)
                 )
             )
-        longest = max(len(_short(member.name)) for member in of)
+        longest = max(len(shortened(member.name)) for member in of)
         height += 14.0 + 5.2 * longest
     return svg_of(_WIDE, height, 10.5, parts)
 
@@ -236,7 +236,7 @@ def tests_chart(tests: Mapping[str, Mapping[str, Sequence[Member]]]) -> Markup:
     parts = []
     for row, (name, by_verdict) in enumerate(tests.items()):
         y, x = _ROW * row, _NAMES
-        parts.append(text_at(_NAMES - 10.0, y + _ROW / 2 + 3.5, _short(name.replace("_", " ")), "end"))
+        parts.append(text_at(_NAMES - 10.0, y + _ROW / 2 + 3.5, shortened(name.replace("_", " ")), "end"))
         total = sum(len(members) for members in by_verdict.values())
         for verdict in VERDICTS:
             count = len(by_verdict[verdict])
@@ -269,7 +269,3 @@ def _upright(x: float, floor: float, colour: str, dashes: str) -> Markup:
     return Markup('<line x1="{0:.1f}" x2="{0:.1f}" y1="2" y2="{1}" stroke="{2}" stroke-dasharray="{3}"/>').format(
         x, floor, colour, dashes
     )
-
-
-def _short(name: str, longest: int = 26) -> str:
-    return name if len(name) <= longest else f"{name[: longest - 1]}…"

@@ -111,7 +111,7 @@ def time_chart(charted: Charted) -> Markup:
             or any(side * (point.value - limit) > 0.0 for point in points)
         )
     ]
-    up = _up([low, high, *limits])
+    up = padded([low, high, *limits], _HEIGHT - _BOTTOM, _TOP)
     parts = [_scale(up), *_dates(points)]
     parts += [_line(up.place(limit), _LIMIT, 1.2, "") for limit in limits]
     if charted.control is not None:
@@ -153,7 +153,7 @@ def units_chart(series: Sequence[FigureSeries], siblings: Siblings | None) -> Ma
             )
     for row, (one, point) in enumerate(zip(series, points, strict=True)):
         y = _ROW * (row + 0.5) + 1.0
-        parts.append(text_at(_NAMES - 10.0, y + 3.0, _short(one.serial), "end"))
+        parts.append(text_at(_NAMES - 10.0, y + 3.0, shortened(one.serial, _LONGEST_NAME), "end"))
         error = None if point.uncertainty is None else across.place(point.uncertainty) - across.place(0.0)
         apart = siblings is not None and not point.bound and siblings.is_apart(point.value, point.uncertainty)
         title = Markup("<title>{}: {}</title>").format(one.serial, point_text(one, point))
@@ -184,10 +184,6 @@ def _span(points: Sequence[Point], more: Sequence[float]) -> tuple[float, float]
     """Return the lowest and highest of the values with their uncertainties and of `more`."""
     ends = [point.value + side * (point.uncertainty or 0.0) for point in points for side in (-1.0, 1.0)]
     return min([*ends, *more]), max([*ends, *more])
-
-
-def _up(values: Sequence[float]) -> Axis:
-    return padded(values, _HEIGHT - _BOTTOM, _TOP)
 
 
 def _scale(up: Axis) -> Markup:
@@ -256,5 +252,6 @@ def _line(y: float, colour: str, width: float, dashes: str) -> Markup:
     ).format(_LEFT, _WIDTH - _RIGHT, y, y, colour, width, dashes)
 
 
-def _short(name: str) -> str:
-    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
+def shortened(name: str, longest: int = 26) -> str:
+    """Cut a name off, with an ellipsis."""
+    return name if len(name) <= longest else f"{name[: longest - 1]}…"

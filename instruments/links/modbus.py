@@ -35,12 +35,7 @@ from benchctl_instruments.protocols.modbus import (
     READ_HOLDING,
     WRITE_ONE,
     WRITE_SEVERAL,
-    WordOrder,
     exception_words,
-    f32_from_words,
-    u32_from_words,
-    words_from_f32,
-    words_from_u32,
 )
 
 DEFAULT_BAUD = 19200
@@ -377,22 +372,6 @@ class ModbusLink:
                 lambda reply: (reply.function_code, reply.address, reply.count) == (WRITE_SEVERAL, address, len(words)),
                 attempts,
             )
-
-    def read_f32(self, address: int, word_order: WordOrder = "high_first") -> float:
-        """Return an IEEE 754 single from two registers."""
-        return f32_from_words(self.read(address, 2), word_order)
-
-    def write_f32(self, address: int, value: float, word_order: WordOrder = "high_first") -> None:
-        """Write an IEEE 754 single to two registers."""
-        self.write(address, words_from_f32(value, word_order))
-
-    def read_u32(self, address: int, word_order: WordOrder = "high_first") -> int:
-        """Return an unsigned 32-bit number from two registers."""
-        return u32_from_words(self.read(address, 2), word_order)
-
-    def write_u32(self, address: int, value: int, word_order: WordOrder = "high_first") -> None:
-        """Write an unsigned 32-bit number to two registers."""
-        self.write(address, words_from_u32(value, word_order))
 
     def _exchange(
         self,

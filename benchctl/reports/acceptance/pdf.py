@@ -30,7 +30,7 @@ def pdf(report: Report) -> bytes:
         kind=report.verdict.kind,
         foot=lambda page, pages: words.label("page", page=page, pages=pages),
     )
-    sheet.dated(report.started)
+    sheet.set_creation_date(report.started)  # the bytes must not depend on the clock
     sheet.add_page()
     anchors = {test.anchor: sheet.add_link() for test in report.sections}
     _front(sheet, report, words)

@@ -10,7 +10,6 @@ import math
 import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from datetime import datetime
 from functools import cache
 from pathlib import Path
 
@@ -63,10 +62,6 @@ class Sheet(FPDF):
         self.set_lang(language)
         self.set_title(title)
         self.set_creator("benchctl")
-
-    def dated(self, created: datetime) -> None:
-        """Set the creation date, so that the bytes do not depend on the clock."""
-        self.set_creation_date(created)
 
     def header(self) -> None:
         """See `FPDF`."""

@@ -202,19 +202,7 @@ class FaultyInputs:
 
 
 class FaultyChamber:
-    """A `ChamberMachine` with faults around another one.
-
-    Parameters
-    ----------
-    chamber
-        The true one.
-    faults
-        Its faults; those of other machines are ignored.
-    now
-        Bench time.
-    log
-        The log of faults that have happened.
-    """
+    """A `ChamberMachine` with faults around another one; parameters as for `FaultyInputs`, and `now`: bench time."""
 
     def __init__(
         self, chamber: ChamberMachine, faults: Sequence[MachineFault], *, now: Callable[[], float], log: list[Fired]
@@ -254,19 +242,7 @@ class FaultyChamber:
 
 
 class FaultyTable:
-    """A `TableMachine` around another one, with faults of the measured motion.
-
-    Parameters
-    ----------
-    table
-        The true one.
-    faults
-        Its faults; those of other machines are ignored.
-    now
-        Bench time.
-    log
-        The log of faults that have happened.
-    """
+    """A `TableMachine` around another one, with faults of the measured motion; parameters as for `FaultyChamber`."""
 
     def __init__(
         self, table: TableMachine, faults: Sequence[MachineFault], *, now: Callable[[], float], log: list[Fired]

@@ -18,6 +18,7 @@ from benchctl_instruments.protocols.t7_stream import StreamReader
 from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
 from benchctl_instruments.simulated.labjack_t7 import SimulatedLabJackT7
 from benchctl_instruments.simulated.modbus_server import ModbusTcpServer, RegisterTable, f32, u32
+from tests.instruments.links.pairs import read_u32, write_u32
 from tests.instruments.simulated.fake_inputs import FakeInputs
 from tests.instruments.wire_transcript import Transcript
 
@@ -203,7 +204,7 @@ def test_a_packet_lasts_fifty_milliseconds_at_most_or_holds_one_scan(
     t7.start_stream(rate_hz)
     link = ModbusLink(server.address)
     link.open()
-    found = link.read_u32(4006, "high_first")
+    found = read_u32(link, 4006)
     link.close()
     assert found == samples
 
@@ -320,18 +321,18 @@ def test_an_encoder_input_that_counts_already_is_left_alone(
     index, enable = 44100, 44000
 
     def features() -> list[list[int]]:
-        return [[link.read_u32(first + 2 * line, "high_first") for first in (index, enable)] for line in range(3)]
+        return [[read_u32(link, first + 2 * line) for first in (index, enable)] for line in range(3)]
 
     with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as t7:
         t7.read_once()
         assert features() == [[10, 1], [10, 1], [0, 0]]
         inputs.clock.sleep(1.0)
-        link.read_u32(3100, "high_first")  # sets the count to zero
+        read_u32(link, 3100)  # sets the count to zero
         assert t7.read_once().encoder_count == 0
     with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as t7:
         assert t7.read_once().encoder_count == 0
-    link.write_u32(enable + 2, 0, "high_first")
-    link.write_u32(index + 2, 7, "high_first")
+    write_u32(link, enable + 2, 0)
+    write_u32(link, index + 2, 7)
     with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as t7:
         t7.read_once()
         assert features() == [[10, 1], [10, 1], [0, 0]]

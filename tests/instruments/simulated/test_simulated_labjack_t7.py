@@ -14,6 +14,7 @@ from benchctl_instruments.links.modbus import ModbusLink
 from benchctl_instruments.protocols.t7_stream import ScanRun, StreamReader
 from benchctl_instruments.simulated.clock import VirtualClock
 from benchctl_instruments.simulated.labjack_t7 import SimulatedLabJackT7
+from tests.instruments.links.pairs import read_f32, read_u32, write_f32, write_u32
 from tests.instruments.simulated.fake_inputs import FakeInputs
 
 
@@ -46,17 +47,17 @@ def connect(twin: SimulatedLabJackT7) -> socket.socket:
 def set_up(link: ModbusLink, *, rate_hz: float = 1000.0, packet: int = 40, buffer_bytes: int = 4096) -> None:
     """Everything that a stream of the count needs but ENABLE, in plain registers."""
     for line in (0, 1):
-        link.write_u32(44100 + 2 * line, 10, "high_first")
-        link.write_u32(44000 + 2 * line, 1, "high_first")
-    link.write_f32(4002, rate_hz, "high_first")
+        write_u32(link, 44100 + 2 * line, 10)
+        write_u32(link, 44000 + 2 * line, 1)
+    write_f32(link, 4002, rate_hz)
     for address, value in {4004: 3, 4006: packet, 4012: buffer_bytes, 4016: 1, 4018: 0, 4020: 0}.items():
-        link.write_u32(address, value, "high_first")
+        write_u32(link, address, value)
     for place, address in enumerate((3000, 4899, 0)):
-        link.write_u32(4100 + 2 * place, address, "high_first")
+        write_u32(link, 4100 + 2 * place, address)
 
 
 def enable(link: ModbusLink, value: int = 1) -> None:
-    link.write_u32(4990, value, "high_first")
+    write_u32(link, 4990, value)
 
 
 def receive(client: socket.socket, reader: StreamReader, scans: int) -> list[ScanRun]:
@@ -72,51 +73,51 @@ def receive(client: socket.socket, reader: StreamReader, scans: int) -> list[Sca
 def refused_with(link: ModbusLink, address: int, value: int) -> int:
     """LabJack's code for a write that must be refused."""
     with pytest.raises(InstrumentError, match="device failure"):
-        link.write_u32(address, value, "high_first")
+        write_u32(link, address, value)
     return link.read(55000)[0]
 
 
 def test_constants_have_the_values_of_the_register_map(link: ModbusLink) -> None:
-    assert link.read_u32(55100, "high_first") == 0x00112233
-    assert link.read_f32(55124, "high_first") == -9999.0
-    assert link.read_f32(60000, "high_first") == 7.0
-    assert link.read_u32(60028, "high_first") == 470_012_345
+    assert read_u32(link, 55100) == 0x00112233
+    assert read_f32(link, 55124) == -9999.0
+    assert read_f32(link, 60000) == 7.0
+    assert read_u32(link, 60028) == 470_012_345
 
 
 def test_the_core_timer_runs_at_40_mhz_of_bench_time_and_wraps(link: ModbusLink, inputs: FakeInputs) -> None:
-    before = link.read_u32(61520, "high_first")
+    before = read_u32(link, 61520)
     inputs.clock.sleep(120.0)
-    after = link.read_u32(61520, "high_first")
+    after = read_u32(link, 61520)
     assert (after - before) % 2**32 == 120 * 40_000_000 % 2**32
 
 
 def test_an_analog_input_reads_through_a_clipping_converter(link: ModbusLink, inputs: FakeInputs) -> None:
     inputs.clock.sleep(70.0)
-    assert link.read_f32(0, "high_first") == pytest.approx(2.0, abs=1e-6)
-    link.write_f32(40000, 1.0, "high_first")
-    assert link.read_f32(0, "high_first") == pytest.approx(1.0, abs=1e-6)
-    assert link.read_f32(26, "high_first") == pytest.approx(0.0, abs=1e-6)
+    assert read_f32(link, 0) == pytest.approx(2.0, abs=1e-6)
+    write_f32(link, 40000, 1.0)
+    assert read_f32(link, 0) == pytest.approx(1.0, abs=1e-6)
+    assert read_f32(link, 26) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_range_that_does_not_exist_becomes_the_next_larger_one(link: ModbusLink) -> None:
-    link.write_f32(40000, 0.5, "high_first")
-    assert link.read_f32(40000, "high_first") == 1.0
-    link.write_f32(40000, 0.0, "high_first")
-    assert link.read_f32(40000, "high_first") == 10.0
+    write_f32(link, 40000, 0.5)
+    assert read_f32(link, 40000) == 1.0
+    write_f32(link, 40000, 0.0)
+    assert read_f32(link, 40000) == 10.0
 
 
 def test_the_count_reads_zero_until_quadrature_is_enabled_on_both_lines(link: ModbusLink, inputs: FakeInputs) -> None:
     inputs.clock.sleep(2.0)
-    link.write_u32(44100, 10, "high_first")
-    link.write_u32(44000, 1, "high_first")
-    assert link.read_u32(3000, "high_first") == 0
-    link.write_u32(44102, 10, "high_first")
-    link.write_u32(44002, 1, "high_first")
-    assert link.read_u32(3000, "high_first") == 2000
+    write_u32(link, 44100, 10)
+    write_u32(link, 44000, 1)
+    assert read_u32(link, 3000) == 0
+    write_u32(link, 44102, 10)
+    write_u32(link, 44002, 1)
+    assert read_u32(link, 3000) == 2000
 
 
 def test_the_feature_of_an_enabled_line_cannot_be_changed(link: ModbusLink) -> None:
-    link.write_u32(44000, 1, "high_first")
+    write_u32(link, 44000, 1)
     assert refused_with(link, 44100, 10) == 0
 
 
@@ -141,9 +142,9 @@ def test_a_wrong_setting_is_refused_when_the_stream_is_enabled(
     link: ModbusLink, address: int, value: int, code: int
 ) -> None:
     set_up(link)
-    link.write_u32(address, value, "high_first")
+    write_u32(link, address, value)
     assert refused_with(link, 4990, 1) == code
-    assert link.read_u32(4990, "high_first") == 0
+    assert read_u32(link, 4990) == 0
 
 
 def test_configuring_reading_inputs_and_enabling_again_are_refused_while_a_stream_runs(link: ModbusLink) -> None:
@@ -152,7 +153,7 @@ def test_configuring_reading_inputs_and_enabling_again_are_refused_while_a_strea
     assert refused_with(link, 4006, 20) == 2605
     assert refused_with(link, 4990, 1) == 2605
     with pytest.raises(InstrumentError, match="device failure"):
-        link.read_f32(0, "high_first")
+        read_f32(link, 0)
     enable(link, 0)
     assert refused_with(link, 4990, 0) == 2620
 
@@ -192,7 +193,7 @@ def test_the_scan_interval_is_a_whole_number_of_steps_and_the_rate_reads_as_what
     for running in (0, 1):
         if running:
             enable(link)
-        assert link.read_f32(4002, "high_first") == np.float32(actual_hz)
+        assert read_f32(link, 4002) == np.float32(actual_hz)
     with connect(twin) as client:
         inputs.clock.sleep(10.0)
         receive(client, StreamReader(3), int(9.0 * actual_hz))
@@ -206,7 +207,7 @@ def test_a_jump_of_bench_time_brings_all_scans_of_it(
     with connect(twin) as client:
         inputs.clock.sleep(7.25)
         enable(link)
-        assert link.read_u32(4026, "high_first") == (0xF000_0000 + int(7.25 * 40e6)) & 0xFFFFFFFF
+        assert read_u32(link, 4026) == (0xF000_0000 + int(7.25 * 40e6)) & 0xFFFFFFFF
         inputs.clock.sleep(100.0)
         runs = receive(client, StreamReader(3), 99_990)
     samples = np.concatenate([run.samples for run in runs]).astype(np.int64)
