@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from benchctl.diagnosis.result import COORDINATE_UNITS, Diagnosis, Estimate, Finding, Verdict, Where
-from benchctl.reports import diagnosis_words as words
 from benchctl.reports import text
 from benchctl.reports.vocabulary import COORDINATES
 from benchctl.reports.vocabulary import coordinate as coordinate
@@ -219,7 +218,7 @@ def moved(diagnosis: Diagnosis) -> dict[str, Estimate]:
     return {
         name: one
         for name, one in diagnosis.baseline.items()
-        if one.was is not None and abs(one.value - one.was) > _MOVED_ERRORS * words.standard_error(one)
+        if one.was is not None and abs(one.value - one.was) > _MOVED_ERRORS * standard_error(one)
     }
 
 
@@ -236,4 +235,4 @@ def predicts_otherwise(diagnosis: Diagnosis) -> bool:
 
 
 def _names(findings: Sequence[Finding], kind: str) -> str:
-    return words.listed(list(dict.fromkeys(title(one.effect) for one in findings if kind_of(one.effect) == kind)))
+    return listed(list(dict.fromkeys(title(one.effect) for one in findings if kind_of(one.effect) == kind)))

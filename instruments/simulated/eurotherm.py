@@ -38,9 +38,7 @@ class SimulatedEurotherm(ModbusRtuServer):
         The chamber machine.
     decimals
         Digits after the implied decimal point of the integers, 0 to 2.
-    unit_id
-        Its Modbus address.
-    pace_baud, over_tcp
+    unit_id, pace_baud, over_tcp
         See `ModbusRtuServer`.
 
     `program` (parameter 23), `sensor_broken` and the alarm bits `alarms` may be assigned; `eeprom_writes` counts

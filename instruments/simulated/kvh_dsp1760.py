@@ -37,18 +37,12 @@ class SimulatedKvhDsp1760(DigitalGyro):
 
     Parameters
     ----------
-    inputs, settings
-        The bench: as for `DigitalGyro`.
+    inputs, settings, axis, baud, over_tcp
+        See `DigitalGyro`.
     rate_hz
         The data rate as delivered; the driver may change it.
     echoes_exit
         Whether `=config,0` is echoed before the first frame; the public sources differ.
-    axis
-        "x", "y" or "z": the axis along the table's, unless it is turned.
-    baud
-        The line's speed.
-    over_tcp
-        Serial over TCP instead of a pseudo-terminal.
 
     Attributes
     ----------

@@ -23,8 +23,8 @@ class SimulatedStim300(DigitalGyro):
 
     Parameters
     ----------
-    inputs, settings
-        The bench: as for `DigitalGyro`.
+    inputs, settings, axis, baud, over_tcp
+        See `DigitalGyro`.
     rate_hz
         125, 250, 500, 1000 or 2000, if the line can carry it.
     datagram_id
@@ -35,14 +35,8 @@ class SimulatedStim300(DigitalGyro):
         "angular rate", "average angular rate" or "incremental angle"; the first two are equal here.
     counter_step
         The increment of the counter from one datagram to the next.
-    axis
-        "x", "y" or "z": the axis along the table's, unless it is turned.
     serial
         14 digits.
-    baud
-        The line's speed.
-    over_tcp
-        Serial over TCP instead of a pseudo-terminal.
 
     Attributes
     ----------

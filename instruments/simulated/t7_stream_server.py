@@ -269,10 +269,7 @@ class T7StreamServer:
             packets = self._packets(stream, now_s)
             if packets:
                 self._send(stream, packets, stream.due(now_s))
-            if stream.over:
-                self._end_if(stream)
-            elif stream.next_packet_s > self._inputs.now():
-                self._inputs.wait_until(stream.next_packet_s, PATIENCE_S)
+            self._end_or_wait(stream)
 
     def _run_with_faults(self, stream: StreamBuffer, faults: PendingFaults[StreamFault]) -> None:
         """Do the same as `_run`, but send a packet with a fault separately, after the valid ones before it."""
@@ -299,10 +296,14 @@ class T7StreamServer:
                 else:
                     self._send_with_fault(fault, stream, packet)
                 fault = None
-            if stream.over:
-                self._end_if(stream)
-            elif stream.next_packet_s > self._inputs.now():
-                self._inputs.wait_until(stream.next_packet_s, PATIENCE_S)
+            self._end_or_wait(stream)
+
+    def _end_or_wait(self, stream: StreamBuffer) -> None:
+        """End a stream that is over; otherwise wait for its next packet."""
+        if stream.over:
+            self._end_if(stream)
+        elif stream.next_packet_s > self._inputs.now():
+            self._inputs.wait_until(stream.next_packet_s, PATIENCE_S)
 
     def _send_with_fault(self, fault: StreamFault, stream: StreamBuffer, packet: bytes) -> None:
         in_transit = stream.due(self._inputs.now())

@@ -81,14 +81,10 @@ class SimulatedWatlowF4(ModbusRtuServer):
         The chamber machine.
     decimals
         Digits after the implied decimal point, 0 to 2 (register 606).
-    unit_id
-        Its Modbus address.
     on_event
         The event wired to conditioning; None: the chamber has power and conditions.
-    pace_baud
-        Simulated speed of the line; None: no delay.
-    over_tcp
-        Serial over TCP instead of a pseudo-terminal.
+    unit_id, pace_baud, over_tcp
+        See `ModbusRtuServer`.
 
     `input_error` (register 101) and `mode` (register 200) may be assigned. An air temperature outside the range of its
     sensor is an input error too.
