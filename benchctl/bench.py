@@ -222,6 +222,22 @@ class Laboratory(Table):
     )
 
 
+class Released(Table):
+    """A procedure with its parameters that the lab has released: the live page starts these and no others."""
+
+    procedure: str = Field(
+        min_length=1,
+        description="Its name, or a .py file, relative to the folder of bench.toml.",
+        examples=["acceptance"],
+    )
+    title: str = Field(
+        default="", description="What the live page calls it; otherwise what the procedure states of itself."
+    )
+    parameters: dict[str, Any] = Field(
+        default_factory=dict, description="As -p NAME=VALUE of benchctl run.", examples=[{"points": 5}]
+    )
+
+
 class Site(Table):
     """The location of the bench; the uncertainty of its latitude is expanded, k = 2."""
 
@@ -398,6 +414,9 @@ class Bench(Table):
         description="Who gets a message on mail or chat when a run ends or needs somebody.",
     )
     laboratory: Laboratory | None = Field(default=None, description="Who tests, for the first page of a report.")
+    released: dict[str, Released] = Field(
+        default_factory=dict, description="The procedures that the live page may start, by a name of the lab's."
+    )
     site: Site = Field(default=Site(), description="Location of the bench, for the Earth's rate.")
     rate_table: RateTableEntry = Field(description="The rate table, its driver, address and certificate.")
     chamber: ChamberEntry = Field(description="The climate chamber, its driver, address and certificate.")
@@ -503,6 +522,12 @@ class Bench(Table):
     def with_seed(self, seed: int | None) -> Bench:
         """Return the same bench with another seed of its simulated physics."""
         return self if seed is None else self.model_copy(update={"physics": {**self.physics, "seed": seed}})
+
+    def with_unit(self, serial: str | None) -> Bench:
+        """Return the same bench with another unit of the same kind on it."""
+        if serial is None:
+            return self
+        return self.model_copy(update={"unit": self.unit.model_copy(update={"serial": serial})})
 
     def silent(self) -> Bench:
         """Return the same bench without messages to anybody."""

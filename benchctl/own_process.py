@@ -12,6 +12,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 from benchctl.processors import set_free
 
@@ -27,16 +28,22 @@ _SLOWER = 20
 
 
 def own_process(
-    module: str, arguments: Sequence[str] = (), *, stderr: int | None = None, pass_fds: Sequence[int] = ()
+    module: str,
+    arguments: Sequence[str] = (),
+    *,
+    stdout: int | IO[bytes] = subprocess.PIPE,
+    stderr: int | None = None,
+    pass_fds: Sequence[int] = (),
 ) -> subprocess.Popen[bytes]:
     """Start `python -m MODULE ARGUMENTS` with unbuffered pipes for stdin and stdout. Not tried on Windows.
 
-    `stderr` and `pass_fds` are as for `subprocess.Popen`. Raises `OSError` if the system cannot start another process.
+    `stdout`, `stderr` and `pass_fds` are as for `subprocess.Popen`. Raises `OSError` if the system cannot start another
+    process.
     """
     process = subprocess.Popen(  # noqa: S603 - this Python, a module of ours
         [sys.executable, "-P", "-m", module, *arguments],
         stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
+        stdout=stdout,
         stderr=stderr,
         bufsize=0,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},

@@ -20,6 +20,7 @@ from benchctl.campaign.check import expiring, refuse_problems
 from benchctl.campaign.guard.keeper import guarded
 from benchctl.campaign.opened import OpenBench, open_bench
 from benchctl.campaign.operator import AnswerFile, Answers, Question, questions
+from benchctl.campaign.page_operator import PageOperator, forget_question
 from benchctl.campaign.resume import Past, past_of, steps_to_play, whole_steps
 from benchctl.campaign.runner import AbortedError, Outcome, Progress, no_progress, run_campaign
 from benchctl.campaign.safety import SafeState
@@ -50,13 +51,15 @@ class Watch:
     deaf_after: bool = False
 
 
-def bench_of(bench: Bench | str | PathLike[str], seed: int | None) -> Bench:
+def bench_of(bench: Bench | str | PathLike[str], seed: int | None, unit: str | None = None) -> Bench:
     """Return a bench, given by itself or as for `load_bench`, with a seed of its noise and errors, if it is simulated.
+
+    `unit` is the serial number of the unit on it, if it is another than the bench states.
 
     Raises
     ------
     UsageError
-        If it cannot be read, or if there is a seed and the bench is real, or the seed is negative.
+        If it cannot be read, if there is a seed and the bench is real or the seed is negative, or the unit is empty.
     """
     loaded = bench if isinstance(bench, Bench) else load_bench(fspath(bench))
     if seed is not None and seed < 0:
@@ -65,7 +68,9 @@ def bench_of(bench: Bench | str | PathLike[str], seed: int | None) -> Bench:
         raise UsageError(
             f"seed = {seed}: only a bench with simulated = true has a seed, and {loaded.name} is none; leave it out"
         )
-    return loaded.with_seed(seed)
+    if unit is not None and not unit.strip():
+        raise UsageError("unit: expected a serial number, got an empty text")
+    return loaded.with_seed(seed).with_unit(unit)
 
 
 def play(
@@ -77,11 +82,13 @@ def play(
     wires: bool = True,
     past: Past | None = None,
     answers: Answers | None = None,
+    page: str | None = None,
 ) -> Outcome:
     """Run a plan on a bench, or resume the campaign `past`, obeying signals and the live page.
 
-    The folder's manifest is written once everything is closed. `answers` replace an operator's answers. `wires` is as
-    in `open_bench`; without them no messages are sent.
+    The folder's manifest is written once everything is closed. `answers` replace an operator's answers; `page` is who
+    starts the run at the live page, where its questions are answered. `wires` is as in `open_bench`; without them no
+    messages are sent.
 
     Raises
     ------
@@ -93,6 +100,10 @@ def play(
     refuse_problems(plan, bench, folder)
     if answers is not None:
         answers.refuse_unanswered(questions_asked(plan, bench, past))
+    if page is not None:
+        if bench.by_hand:
+            raise UsageError(f"{bench.name}: its table is turned by hand; run it at a terminal, beside the table")
+        bench = bench.model_copy(update={"operator": page})
     for certificate in expiring(plan, bench, past.first if past else 1):
         watch.warn(certificate.message)
     if bench.by_hand:
@@ -100,6 +111,7 @@ def play(
     elapsed_s = past.elapsed_s if past else 0.0
     if past is not None:
         forget_stale_stop(folder)
+        forget_question(folder)
     with messages_about(plan, bench if wires else bench.silent(), folder, watch.warn) as messenger:
         with (
             stop_on_signals(deaf_after=watch.deaf_after) as stop,
@@ -108,9 +120,11 @@ def play(
             watch.progress as progress,
         ):
             heed_file(stop, folder)
+            then = opened.operator if bench.simulated else None
             if answers is not None:
-                then = opened.operator if bench.simulated else None
                 opened = replace(opened, operator=AnswerFile(answers, bench.unit.serial, then))
+            if page is not None:
+                opened = replace(opened, operator=PageOperator(folder, page, bench.unit.serial, then))
             outcome = run_campaign(
                 plan, opened, folder, stop=stop, progress=progress, listener=messenger.hear, guard=guard, past=past
             )
@@ -145,12 +159,13 @@ def resume(
     seeded: bool = False,
     wires: bool = True,
     answers: Answers | None = None,
+    page: str | None = None,
     confirm: Callable[[Past], None] | None = None,
 ) -> Outcome:
     """Resume a campaign. If all its steps are complete, only close it; nothing moves.
 
-    `seeded` is as in `past_of`, `wires` and `answers` are as in `play`. `confirm` is called before a real bench moves,
-    and raises an exception if it shall not.
+    `seeded` is as in `past_of`, `wires`, `answers` and `page` are as in `play`. `confirm` is called before a real
+    bench moves, and raises an exception if it shall not.
 
     Raises
     ------
@@ -163,7 +178,7 @@ def resume(
             return _closed(past)
         if confirm is not None and not bench.simulated:
             confirm(past)
-        return play(plan, past.bench, folder, watch=watch, wires=wires, past=past, answers=answers)
+        return play(plan, past.bench, folder, watch=watch, wires=wires, past=past, answers=answers, page=page)
 
 
 def _closed(past: Past) -> Outcome:
@@ -222,10 +237,10 @@ def questions_asked(plan: Plan, bench: Bench, past: Past | None = None) -> list[
     return list(questions(steps, bench.unit.serial, may_be_off=may_be_off, by_hand=bench.by_hand))
 
 
-def new_folder(procedure: str, serial: str) -> Path:
-    """Return a path in results/ that does not exist yet, named by time, procedure and unit."""
+def new_folder(procedure: str, serial: str, place: Path = Path("results")) -> Path:
+    """Return a path in a place that does not exist yet, named by time, procedure and unit."""
     stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
-    return free_folder(Path("results"), re.sub(r"[^A-Za-z0-9._+-]+", "-", f"{stamp}_{procedure}_{serial}"))
+    return free_folder(place, re.sub(r"[^A-Za-z0-9._+-]+", "-", f"{stamp}_{procedure}_{serial}"))
 
 
 def free_folder(place: Path, name: str) -> Path:

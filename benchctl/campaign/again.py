@@ -101,12 +101,17 @@ def _on_the_day_after(first: Bench, bench: Bench) -> Bench:
 def _texts(procedure: Procedure, recorded: dict[str, Any]) -> dict[str, str]:
     """Return recorded parameters as command-line texts, without those equal to the installed defaults."""
     defaults = {one.name: json.loads(json.dumps(one.default)) for one in procedure.parameters}
-    return {name: _text(value) for name, value in recorded.items() if name not in defaults or defaults[name] != value}
+    return {
+        name: parameter_text(value)
+        for name, value in recorded.items()
+        if name not in defaults or defaults[name] != value
+    }
 
 
-def _text(value: object) -> str:
+def parameter_text(value: object) -> str:
+    """Return the value of a parameter as a text of the command line."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list):
-        return ",".join(_text(item) for item in value)
+        return ",".join(parameter_text(item) for item in value)
     return str(value)

@@ -162,9 +162,9 @@ def _only(provenance: Mapping[str, str], name: str) -> dict[str, str]:
     return {name: provenance[name]} if provenance.get(name) else {}
 
 
-_MAY_CHANGE = {"name", "operator", "time_factor", "interlocks", "faults", "notify", "laboratory"}
-"""Parts of bench.toml that may change on resume: operator, laboratory, speed, monitoring and messages, which do not
-affect measured data."""
+_MAY_CHANGE = {"name", "operator", "time_factor", "interlocks", "faults", "notify", "laboratory", "released"}
+"""Parts of bench.toml that may change on resume: operator, laboratory, speed, monitoring, messages and what the live
+page may start, which do not affect measured data."""
 
 _MAY_CHANGE_IN_A_TABLE = {
     "address",

@@ -16,6 +16,7 @@ import json
 import os
 import sys
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -336,31 +337,35 @@ class Answers:
         )
 
 
-class AnswerFile:
-    """Answers from a file in place of an operator; on a bench simulated in this process, `then` performs the actions.
+class Answering(ABC):
+    """Answers from elsewhere than a terminal; on a bench simulated in this process, `then` performs the actions.
 
-    Raises `StoppedError` if the file refuses.
+    Raises `StoppedError` if the answer refuses.
     """
 
-    def __init__(self, answers: Answers, unit: str, then: Operator | None) -> None:
-        self.who = f"the answers of {answers.path}"
-        self._by_question, self._unit, self._then = answers.by_question, unit, then
+    def __init__(self, who: str, unit: str, then: Operator | None) -> None:
+        self.who = who
+        self._unit, self._then = unit, then
+
+    @abstractmethod
+    def _answer(self, text: str, meanwhile: Meanwhile) -> None:
+        """Return once the question is answered by `DONE`; raise `StoppedError` if it is refused."""
 
     def power(self, on: bool, meanwhile: Meanwhile) -> None:
         """Switch the unit's supply, or end the run."""
-        self._answer(power_question(self._unit, on))
+        self._answer(power_question(self._unit, on), meanwhile)
         if self._then is not None:
             self._then.power(on, meanwhile)
 
     def mount(self, position: Position, meanwhile: Meanwhile) -> None:
         """Mount the unit, or end the run."""
-        self._answer(mount_question(self._unit, position))
+        self._answer(mount_question(self._unit, position), meanwhile)
         if self._then is not None:
             self._then.mount(position, meanwhile)
 
     def turn(self, rate_dps: float, meanwhile: Meanwhile) -> None:
         """Set the rate, or end the run; what somebody has to do now is printed on stderr."""
-        self._answer(turn_question(rate_dps))
+        self._answer(turn_question(rate_dps), meanwhile)
         if self._then is None:
             say(turn_question(rate_dps))
         else:
@@ -368,11 +373,19 @@ class AnswerFile:
 
     def ask(self, text: str, meanwhile: Meanwhile) -> None:
         """Perform the requested action, or end the run."""
-        self._answer(text)
+        self._answer(text, meanwhile)
         if self._then is not None:
             self._then.ask(text, meanwhile)
 
-    def _answer(self, text: str) -> None:
+
+class AnswerFile(Answering):
+    """Answers from a file in place of an operator."""
+
+    def __init__(self, answers: Answers, unit: str, then: Operator | None) -> None:
+        super().__init__(f"the answers of {answers.path}", unit, then)
+        self._by_question = answers.by_question
+
+    def _answer(self, text: str, meanwhile: Meanwhile) -> None:
         if self._by_question.get(text) != DONE:
             raise StoppedError(f"stopped by {self.who}: refused to {text}")
 

@@ -75,6 +75,7 @@ def recorded_bench(meta: Meta, whose: str) -> Bench:
     bench = bench_of_text(text, f"the bench.toml of {whose}", provenance.get("chamber_profile", ""))
     obeyed = {name: table_of(meta, f"bench_{name}", whose) for name in ("physics", "effects")}
     stored = {name: table for name, table in obeyed.items() if provenance.get(f"bench_{name}")}
+    bench = bench.with_unit(meta.unit.serial)  # a run may name another than its bench.toml
     return bench.silent().model_copy(update=stored)  # the URLs of its messages are masked
 
 

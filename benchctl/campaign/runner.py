@@ -15,6 +15,7 @@ from benchctl.campaign.differences import refuse_other_instruments
 from benchctl.campaign.guard.keeper import Guard, NoGuard
 from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.operator import require_operator
+from benchctl.campaign.page_operator import PageOperator
 from benchctl.campaign.play import StepPlayer, hold_if_asked, switch_on
 from benchctl.campaign.provenance import describe, software
 from benchctl.campaign.resume import Past, soak_before, steps_to_play, whole_steps
@@ -191,6 +192,8 @@ class _Run:
             self.complete, self.samples = len(whole_steps(plan, infos)), sum(info.samples for info in infos)
             filed = [info.index for info in infos]
             self.event("resume", elapsed_s=opened.elapsed_s, day=past.day, whole=self.complete, software=software())
+        if isinstance(opened.operator, PageOperator):
+            self.event("started", by=opened.operator.who)
         for piece in plan_events(plan, opened.bench.limits, self._start_c()):
             self.event("plan", **piece)
         for certificate in expiring(plan, opened.bench, past.first if past else 1):

@@ -112,11 +112,11 @@ def ask_by_file(folder: Path, who: str) -> None:
     UsageError
         The folder is not writable.
     """
-    _require_run(folder)
+    require_run(folder)
     with whole_file(folder / STOP) as temporary:
         temporary.write_text(json.dumps({"who": who, "asked_utc": datetime.now(UTC).isoformat(timespec="seconds")}))
     try:
-        _require_run(folder)
+        require_run(folder)
     except NotRunningError:
         forget_stop(folder)
         raise
@@ -157,7 +157,8 @@ def forget_stale_stop(folder: Path) -> None:
             forget_stop(folder)
 
 
-def _require_run(folder: Path) -> None:
+def require_run(folder: Path) -> None:
+    """Raise `NotRunningError` if no run holds the campaign's lock."""
     if not is_held(folder / LOCK):
         raise NotRunningError(f"campaign {folder.name}: it is not running; there is nothing to stop")
 

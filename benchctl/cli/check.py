@@ -13,6 +13,7 @@ from benchctl.cli.output import (
     ParameterOption,
     ProcedureArgument,
     QuietOption,
+    UnitOption,
     out_option,
     parameters,
     result_of,
@@ -23,6 +24,7 @@ def check(
     procedure: ProcedureArgument,
     bench: BenchOption,
     parameter: ParameterOption = None,
+    unit: UnitOption = None,
     picture: Annotated[
         Path | None, typer.Option("--picture", metavar="FILE", help="Draw the timeline into this SVG or PNG file.")
     ] = None,
@@ -40,13 +42,13 @@ def check(
     """
     from dataclasses import asdict
 
-    from benchctl.bench import load_bench
+    from benchctl.app.run import bench_of
     from benchctl.campaign.opened import open_bench
     from benchctl.cli.dry_run import preview
     from benchctl.plan.find import find_procedure
 
     with result_of("check", json_to, quiet) as result:
-        loaded = load_bench(bench)
+        loaded = bench_of(bench, None, unit)
         plan = find_procedure(procedure).expand(parameters(parameter))
         preview(result, plan, loaded, out)
         if picture is not None:

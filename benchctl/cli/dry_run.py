@@ -113,11 +113,18 @@ def preview(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | No
 
 
 def preview_run(
-    result: Result, plan: Plan, bench: Bench, out: Path, *, answers: Answers | None, past: Past | None = None
+    result: Result,
+    plan: Plan,
+    bench: Bench,
+    out: Path,
+    *,
+    answers: Answers | None,
+    at_page: bool = False,
+    past: Past | None = None,
 ) -> None:
     """Print the preview of `run --dry-run`, with the first step; raise the errors that the run itself would raise.
 
-    Among these is the error for questions without an answer and without an operator at the terminal.
+    Among these is the error for questions without an answer and without an operator at the terminal or the live page.
     """
     result.values |= {"dry_run": True, "campaign": out, "first_step": past.first if past else 1}
     if past is None:
@@ -133,7 +140,7 @@ def preview_run(
     preview(result, plan, bench, out, past)
     if answers is not None:
         answers.refuse_unanswered(questions_asked(plan, bench, past))
-    elif not bench.simulated:
+    elif not bench.simulated and not at_page:
         to_play = steps_to_play(plan, past.infos if past else (), bench.safe.chamber_c)
         operator = operator_at_terminal(bench)
         steps = ((number, step) for _, number, step in to_play)

@@ -34,6 +34,10 @@ QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, n
 SeedOption = Annotated[
     int | None, typer.Option("--seed", metavar="N", min=0, help="Seed of the simulated bench's noise and errors.")
 ]
+UnitOption = Annotated[
+    str | None,
+    typer.Option("--unit", metavar="SERIAL", help="Serial number of the unit; default: that of the bench."),
+]
 BenchOption = Annotated[
     str,
     typer.Option(

@@ -13,6 +13,7 @@ from benchctl.cli.output import (
     ParameterOption,
     QuietOption,
     SeedOption,
+    UnitOption,
     out_option,
     parameters,
     result_of,
@@ -35,11 +36,16 @@ def run(
         ),
     ] = None,
     parameter: ParameterOption = None,
+    unit: UnitOption = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show the plan, its duration and disk space; execute nothing.")
     ] = False,
     answers: Annotated[
         Path | None, toml_option("--answers", "Answers to the operator's questions, as TOML: explained below.")
+    ] = None,
+    page: Annotated[
+        str | None,
+        typer.Option("--page", metavar="NAME", help="The operator, who answers the questions at the live page."),
     ] = None,
     again: Annotated[
         Path | None,
@@ -93,9 +99,13 @@ def run(
     from benchctl_instruments.errors import UsageError
 
     with result_of("run", json_to, quiet) as result:
+        if page is not None and answers is not None:
+            raise UsageError(f"--page {page}: the answers come from {answers}; leave one of them out")
+        if unit is not None and bench is None:
+            raise UsageError(f"--unit {unit}: names the unit on a bench; name the bench with --bench, too")
         _refuse_contradictions(procedure, parameter, again, limits, out, resume)
         answered = None if answers is None else read_answers(answers)
-        loaded = None if bench is None else app.bench_of(bench, seed)
+        loaded = None if bench is None else app.bench_of(bench, seed, unit)
         rerun = None
         if again is not None:
             from benchctl.cli.rerunning import to_run_again
@@ -111,14 +121,17 @@ def run(
             from benchctl.cli.dry_run import preview_run
 
             with past_of(folder, plan, loaded, seeded=seeded) if resume else nullcontext() as past:
-                preview_run(result, plan, past.bench if past else loaded, folder, answers=answered, past=past)
+                stands, at_page = past.bench if past else loaded, page is not None
+                preview_run(result, plan, stands, folder, answers=answered, at_page=at_page, past=past)
             return
         watch = at_terminal(quiet)
         if resume is None:
-            outcome = app.play(plan, loaded, folder, watch=watch, answers=answered)
+            outcome = app.play(plan, loaded, folder, watch=watch, answers=answered, page=page)
         else:
             ask = None if yes else ask_to_resume
-            outcome = app.resume(plan, loaded, folder, watch=watch, seeded=seeded, answers=answered, confirm=ask)
+            outcome = app.resume(
+                plan, loaded, folder, watch=watch, seeded=seeded, answers=answered, page=page, confirm=ask
+            )
         result.values |= {"campaign": outcome.campaign, **outcome.values()}
         result.say(summary(outcome))
         outcome.raise_error()

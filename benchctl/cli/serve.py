@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from benchctl.cli.candidates import bench_files
 from benchctl.cli.messages import tell
 
 _EXTRA = frozenset({"fastapi", "starlette", "uvicorn", "websockets"})
@@ -18,16 +19,31 @@ def serve(
     host: Annotated[
         str, typer.Option(metavar="ADDRESS", help="Address to listen on; default: this machine only.")
     ] = "127.0.0.1",
-    read_only: Annotated[bool, typer.Option("--read-only", help="Runs cannot be stopped from the page.")] = False,
+    bench: Annotated[
+        str | None,
+        typer.Option(
+            "--bench",
+            metavar="BENCH",
+            autocompletion=bench_files,
+            help="A bench.toml: what it releases can be started from the page.",
+        ),
+    ] = None,
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="Runs cannot be stopped or started from the page.")
+    ] = False,
 ) -> None:
     """Show running and finished campaigns in a browser; a running campaign can be stopped from the page.
 
-    Prints the address and two tokens as one line of JSON, then serves until Ctrl-C or SIGTERM. `token` permits
-    stopping a run; `view_token` permits viewing only. The server never changes a recording and runs at low priority,
-    so that it does not disturb a run on the same machine. From another machine: `ssh -L 8123:127.0.0.1:8123 LAB-PC`,
-    then open http://127.0.0.1:8123 there.
+    With --bench, the procedures that the bench releases ([released.NAME]) can be checked and started from the page;
+    such a run goes on if the server ends.
 
-    Example: `benchctl serve`, `benchctl serve lab/results --port 8123 --read-only`
+    Prints the address and two tokens as one line of JSON, then serves until Ctrl-C or SIGTERM. `token` permits
+    stopping and starting a run; `view_token` permits viewing only. The server never changes a recording and runs at
+    low priority, so that it does not disturb a run on the same machine. From another machine:
+    `ssh -L 8123:127.0.0.1:8123 LAB-PC`, then open http://127.0.0.1:8123 there.
+
+    Example: `benchctl serve`, `benchctl serve lab/results --port 8123 --read-only`,
+    `benchctl serve lab/results --bench lab/bench.toml`
     """
     import json
     import os
@@ -42,6 +58,12 @@ def serve(
         if err.name not in _EXTRA:
             raise
         raise UsageError(f'serve needs {err.name}, which is not installed; pip install "benchctl[dashboard]"') from err
+
+    station = None
+    if bench is not None:
+        from benchctl.app.station import Station
+
+        station = Station(Path(bench), folder)
 
     def ready(url: str, token: str, view_token: str) -> None:
         tell(json.dumps({"url": url, "token": token, "view_token": view_token}))
@@ -60,7 +82,17 @@ def serve(
 
         return glossary_page()
 
-    run_page(folder, host, port, read_only=read_only, explain=words, glossary=glossary, ready=ready, warn=warn)
+    run_page(
+        folder,
+        host,
+        port,
+        read_only=read_only,
+        station=station,
+        explain=words,
+        glossary=glossary,
+        ready=ready,
+        warn=warn,
+    )
     # All output is written and everything is closed. A thread that is still reading a recording holds HDF5's lock, and
     # a normal exit of the interpreter would wait for it.
     os._exit(0)

@@ -30,7 +30,7 @@ from benchctl.limits import printable, require_file, shown
 from benchctl.locks import Lock
 from benchctl.recordings.digests import Mismatch
 from benchctl.recordings.hdf5_files import RecordingFile
-from benchctl.recordings.schema import LOCK, RECORDING, STOP
+from benchctl.recordings.schema import ANSWER, LOCK, QUESTION, RECORDING, STOP
 from benchctl_instruments.errors import UsageError, reason
 
 MANIFEST = "manifest.json"
@@ -40,7 +40,7 @@ _TURN = ".manifest.lock"
 """Lock for adding to the manifest."""
 _PATIENCE_S = 60.0
 """Time to wait for the lock: on a busy machine the turns of several programs take seconds."""
-_LEFT_OUT = {MANIFEST, LOCK, str(Path(LOCK).with_suffix(".json")), STOP}
+_LEFT_OUT = {MANIFEST, LOCK, str(Path(LOCK).with_suffix(".json")), STOP, QUESTION, ANSWER}
 
 Entry = Mapping[str, Any]
 Integrity = Literal["verified", "not verified", "altered"]

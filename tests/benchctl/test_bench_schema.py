@@ -52,6 +52,9 @@ noise_v_rms = 0.0006
 output_limit_v = 11
 [effects.thermal_lag]
 tau_s = "5 min"
+[released.incoming]
+title = "Incoming inspection"
+procedure = "acceptance"
 [notify]
 urls = ["mailto://user:password@example.org", "env:BENCH_CHAT"]
 on = ["done", "fault"]

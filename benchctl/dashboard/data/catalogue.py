@@ -206,7 +206,7 @@ class Catalogue:
 
     def _look(self) -> None:
         before = dict(self._kept_entries())
-        places = {_id_of(path, self._root): path for path in campaigns_below(self._root)}
+        places = {id_of(path, self._root): path for path in campaigns_below(self._root)}
         give_up_s = time.monotonic() + _PATIENCE_S
         listed, all_read = [], True
         for key, path in sorted(places.items(), key=lambda place: _changed_ns(place[1]), reverse=True):
@@ -261,7 +261,8 @@ class Catalogue:
                 temporary.write_text(text, encoding="ascii")
 
 
-def _id_of(path: Path, root: Path) -> str:
+def id_of(path: Path, root: Path) -> str:
+    """Return the id of the campaign at a path below the folder."""
     return hashlib.sha256(os.fsencode(path.relative_to(root).as_posix())).hexdigest()[:_ID_DIGITS]
 
 

@@ -80,6 +80,7 @@ _SENTENCES: Mapping[str, Sentence] = {
     "operator": ("done by {by}: {says}, after {waited_s:g} s", "info"),
     "recovered": ("recovered: {says}", "warning"),
     "resume": ("resumed with {whole:,} complete steps; started {day:,} times before", "info"),
+    "started": ("started by {by}", "info"),
     "step": ("step {number|index:,} begins: {name}", "info"),
     "torn": ("a line of the journal was torn by the program's death", "warning"),
     "unreadable": ("a crash left {file} unreadable: {why}", "bad"),

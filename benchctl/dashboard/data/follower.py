@@ -7,11 +7,12 @@ import os
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from benchctl.bench import Bench
+from benchctl.campaign.page_operator import open_question
 from benchctl.campaign.soak import SoakWatch
 from benchctl.campaign.stop import is_asked
 from benchctl.confined import entries_in, open_file
@@ -241,6 +242,7 @@ class Follower:
             "died": self._status == DIED,
             "says": self._says(stalled, age_s, trouble),
             "stop_asked": running and is_asked(self._path),
+            "question": asdict(question) if running and (question := open_question(self._path)) else None,
         }
 
     def _samples_so_far(self) -> int:

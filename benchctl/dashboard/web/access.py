@@ -79,7 +79,7 @@ async def log_in(site: SiteOf, role: TokenRoleOf, response: Response) -> Session
     """Begin a session by a token; its cookie is set."""
     secret, session = site.sessions.begin(role)
     response.set_cookie(site.cookie, secret, path="/", httponly=True, samesite="strict")
-    return SessionSaid(role=session.role, csrf=session.csrf)
+    return SessionSaid(role=session.role, csrf=session.csrf, may_start=site.may_start(session.role))
 
 
 @router.get("", openapi_extra=ONLY_SESSION)
@@ -88,7 +88,7 @@ async def session_now(site: SiteOf, request: Request) -> SessionSaid:
     session = site.sessions.find(request.cookies.get(site.cookie, ""))
     if session is None:
         raise _no_session()
-    return SessionSaid(role=session.role, csrf=session.csrf)
+    return SessionSaid(role=session.role, csrf=session.csrf, may_start=site.may_start(session.role))
 
 
 @router.delete("", status_code=204, openapi_extra=ONLY_SESSION, responses={403: {"model": Error}})

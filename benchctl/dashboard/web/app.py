@@ -23,7 +23,7 @@ import benchctl
 import benchctl.dashboard
 from benchctl.app.handbook import topics
 from benchctl.dashboard.data.handbook import handbook_json
-from benchctl.dashboard.web import access, campaign_routes, live_routes
+from benchctl.dashboard.web import access, campaign_routes, live_routes, start_routes
 from benchctl.dashboard.web.access import CallerOf
 from benchctl.dashboard.web.answers import RefusalError, answer, error_body
 from benchctl.dashboard.web.gate import Gate
@@ -143,7 +143,7 @@ def page_app(site: Site, names: frozenset[str]) -> ASGIApp:
     """Return the application for a site; `names` are the accepted host names."""
     app = FastAPI(title="benchctl", version=benchctl.__version__, openapi_url=None, docs_url=None, redoc_url=None)
     app.state.site = site
-    for part in (access.router, campaign_routes.router, live_routes.router, router):
+    for part in (access.router, campaign_routes.router, start_routes.router, live_routes.router, router):
         app.include_router(part)
     app.router.routes += page_routes(load_pages())
     app.openapi = lambda: _described(app, site)  # type: ignore[method-assign]  # as FastAPI documents

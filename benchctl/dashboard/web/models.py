@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -24,10 +24,11 @@ class Error(Exact):
 
 
 class SessionSaid(Exact):
-    """A session: its role, and the CSRF token to be sent as `X-CSRF` with every change."""
+    """A session: its role, the CSRF token to be sent as `X-CSRF` with every change, and whether it may start runs."""
 
     role: Role
     csrf: str
+    may_start: bool
 
 
 class Has(Exact):
@@ -259,3 +260,72 @@ class StopAsked(Exact):
     """The request was sent to the run, which stops by itself."""
 
     asked: Literal[True]
+
+
+class ReleasedProcedure(Exact):
+    """A procedure that the lab has released; `bench_time_s` is null where the bench cannot run it."""
+
+    name: str
+    title: str
+    says: str
+    steps: int
+    bench_time_s: float | None
+    questions: int
+
+
+class Released(Exact):
+    """The released procedures, the name of the bench, and the operator that its file states."""
+
+    bench: str
+    operator: str
+    procedures: list[ReleasedProcedure]
+
+
+Word = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f]$")]
+"""One line that does not end in a space."""
+
+
+class CheckOrder(Exact):
+    """A released procedure, by its name, and the serial number of a unit."""
+
+    procedure: Word
+    serial: Word
+
+
+class StartOrder(CheckOrder):
+    """The same, and the name of the person who starts it."""
+
+    who: Word
+
+
+class Checked(Exact):
+    """What `benchctl check` states; nothing is started unless it is `ready`. Duration in bench time."""
+
+    ready: bool
+    problems: list[str]
+    warnings: list[str]
+    questions: list[str]
+    steps: int | None
+    bench_time_s: float | None
+    instruments: list[str]
+
+
+class Started(Exact):
+    """The campaign that has begun."""
+
+    id: str
+    name: str
+
+
+class AnswerOrder(Exact):
+    """The answer to the question with that id, and the name of the person who gives it."""
+
+    question: str = Field(max_length=100)
+    answer: Literal["done", "refuse"]
+    who: Word
+
+
+class AnswerTaken(Exact):
+    """The answer was handed to the run."""
+
+    taken: Literal[True]

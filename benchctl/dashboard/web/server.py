@@ -20,11 +20,13 @@ from starlette.types import ASGIApp
 from uvicorn.server import ServerState
 
 import benchctl
+from benchctl.app.station import Station
 from benchctl.campaign.stop import StopRequest, stop_on_signals
 from benchctl.confined import confine
 from benchctl.dashboard.data.catalogue import Catalogue
 from benchctl.dashboard.data.contents import cache_folder
 from benchctl.dashboard.data.series import SeriesReader
+from benchctl.dashboard.web.answers import Readers
 from benchctl.dashboard.web.app import page_app
 from benchctl.dashboard.web.gate import MOST_HEADER_BYTES, is_loopback, own_names
 from benchctl.dashboard.web.live_routes import MOST_MESSAGE_BYTES
@@ -149,6 +151,7 @@ def run_page(
     port: int,
     *,
     read_only: bool,
+    station: Station | None,
     explain: Explain,
     glossary: Glossary,
     ready: Callable[[str, str, str], None],
@@ -160,7 +163,8 @@ def run_page(
     earlier with security warnings. After the start the process opens no files outside `root` (`benchctl.confined`).
     Raises `UsageError` if the port is not available.
     """
-    lower_priority()  # of this thread and all threads that it starts
+    starting = Readers("starting", threads=1, waiting=4, within_s=150.0)
+    lower_priority()  # of this thread and all threads that it starts from now on, so not of the runs of `starting`
     root, cache, tokens = root.resolve(), cache_folder(), Tokens(read_only=read_only)
     confine(root, cache, Path(benchctl.__file__).parent)
     with stop_on_signals() as stop, listening(host, port) as sock, SeriesReader(cache) as series:
@@ -179,6 +183,8 @@ def run_page(
             glossary=glossary,
             catalogue=Catalogue(root, cache),
             series=series,
+            station=station,
+            starting=starting,
         )
 
         def tell_ready() -> None:

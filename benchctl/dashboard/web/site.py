@@ -10,11 +10,12 @@ from typing import Annotated, Any
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from benchctl.app.station import Station
 from benchctl.dashboard.data.catalogue import Catalogue
 from benchctl.dashboard.data.series import SeriesReader
 from benchctl.dashboard.web.answers import Readers, RefusalError
 from benchctl.dashboard.web.rooms import Rooms
-from benchctl.dashboard.web.sessions import Sessions, Tokens
+from benchctl.dashboard.web.sessions import Role, Sessions, Tokens
 
 Explain = Callable[[str], dict[str, Any]]
 """A function that explains a term; raises `UsageError` for an unknown one."""
@@ -26,7 +27,8 @@ Glossary = Callable[[], str]
 class Site:
     """The campaigns below `root`, for those who know the `tokens`; `cookie` is the name of a session's cookie.
 
-    Quick reads have separate threads, so that they do not wait for long ones.
+    `station` starts released procedures, one job of `starting` after another. Quick reads have separate threads, so
+    that they do not wait for long ones.
     """
 
     root: Path
@@ -37,10 +39,16 @@ class Site:
     glossary: Glossary
     catalogue: Catalogue
     series: SeriesReader
+    station: Station | None
+    starting: Readers
     sessions: Sessions = field(default_factory=Sessions)
     rooms: Rooms = field(default_factory=Rooms)
     quick: Readers = field(default_factory=lambda: Readers("quick", threads=3, waiting=64))
     heavy: Readers = field(default_factory=lambda: Readers("heavy", threads=2, waiting=32))
+
+    def may_start(self, role: Role) -> bool:
+        """Return whether a role may start a run here."""
+        return self.station is not None and role == "operator"
 
     def path_of(self, key: str) -> Path:
         """Return a campaign's path; `RefusalError` 404 for an unknown id. Reads the disk."""

@@ -23,12 +23,23 @@ OPERATIONS = {
     "GET /api/campaigns/{key}/documents/{kind}",
     "GET /api/campaigns/{key}/documents/{kind}/report",
     "POST /api/campaigns/{key}/stop",
+    "POST /api/campaigns/{key}/answer",
+    "GET /api/released",
+    "POST /api/check",
+    "POST /api/start",
     "GET /api/history",
     "GET /api/explain/{term}",
     "GET /api/help",
 }
-MORE_THAN_THE_SCHEMA = {"GET /api/campaigns/{key}/series", "POST /api/campaigns/{key}/stop"}
-"""What a schema cannot say: that a window ends after it began, and what the campaign is called."""
+MORE_THAN_THE_SCHEMA = {
+    "GET /api/campaigns/{key}/series",
+    "POST /api/campaigns/{key}/stop",
+    "POST /api/campaigns/{key}/answer",
+    "POST /api/check",
+    "POST /api/start",
+}
+"""What a schema cannot say: that a window ends after it began, what the campaign is called, what it asks, and what is
+released."""
 
 
 def test_the_description_has_every_operation_and_how_to_be_let_in(served: Served) -> None:
