@@ -6,6 +6,7 @@ import { appendEvents } from "./events.js";
 import { clock, count, duration, fixed, joined, moment, number } from "./format.js";
 import { onKeys } from "./keys.js";
 import { Panel } from "./plots.js";
+import { Prompt } from "./prompt.js";
 import { Limits, Readings } from "./readings.js";
 import { go } from "./router.js";
 import { session } from "./session.js";
@@ -60,6 +61,7 @@ class LivePage {
     this.age = el("span", { class: "age" });
     this.readings = new Readings();
     this.limits = new Limits();
+    this.prompt = new Prompt(campaign);
     this.events = el("ol", { class: "events", "aria-label": "events", tabindex: "0" });
     const plan = el("section", { class: "plan", "aria-label": "plan" });
     const plots = el("section", { class: "plots", "aria-label": "measured" });
@@ -68,6 +70,7 @@ class LivePage {
       el("button", { type: "button", class: "danger", onclick: () => this.ask() }, "Stop …");
     fill(
       body,
+      this.prompt.root, // first, so that nothing above it changes its height while a button is held
       el("div", { class: "doing" }, el("div", {}, this.where, this.waits, this.progress, this.ends), this.stop),
       plan,
       el(
@@ -110,6 +113,7 @@ class LivePage {
     this.tellStatus(message.status);
     this.tellWhere(message);
     this.tellSoak(message.soak);
+    this.prompt.show(message.question);
     this.readings.show(message.values, message.noise_says);
     this.limits.show(message.limits);
     appendEvents(this.events, message.events);

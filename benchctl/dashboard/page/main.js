@@ -12,11 +12,20 @@ import { beginKeys, onKeys, showKeys } from "./keys.js";
 import { listView } from "./list.js";
 import { follow, go, link } from "./router.js";
 import { begin, forget, isTokenInAddress, logOut, loginForm, refusal, session, takeToken } from "./session.js";
+import { startView } from "./start.js";
 import { beginTheme, isDark, theme, toggleTheme } from "./theme.js";
 
-const VIEWS = { "": listView, campaigns: campaignView, compare: compareView, history: historyView, help: helpView };
+const VIEWS = {
+  "": listView,
+  campaigns: campaignView,
+  start: startView,
+  compare: compareView,
+  history: historyView,
+  help: helpView,
+};
 const PLACES = [
   ["Campaigns", []],
+  ["Start", ["start"]],
   ["History", ["history"]],
   ["Compare", ["compare"]],
   ["Help", ["help"]],
@@ -54,7 +63,7 @@ function drawTop(place) {
     isDark() ? "Light" : "Dark",
   );
   theme.addEventListener("change", () => fill(themeButton, isDark() ? "Light" : "Dark"));
-  const nav = PLACES.map(([name, parts]) =>
+  const nav = PLACES.filter(([, [place]]) => place !== "start" || session.mayStart).map(([name, parts]) =>
     el("a", { href: link(parts), "aria-current": (parts[0] ?? "") === place ? "page" : null }, name),
   );
   fill(
@@ -62,11 +71,16 @@ function drawTop(place) {
     el("a", { class: "brand", href: link([]) }, "benchctl"),
     session.role && el("nav", { "aria-label": "pages" }, nav),
     el("span", { class: "gap" }),
-    session.role && el("span", { class: "role" }, session.role === "operator" ? "may stop runs" : "looks only"),
+    session.role && el("span", { class: "role" }, roleName()),
     el("button", { type: "button", onclick: showKeys, "aria-label": "keys" }, "?"),
     themeButton,
     session.role && el("button", { type: "button", onclick: leave }, "Log out"),
   );
+}
+
+function roleName() {
+  if (session.mayStart) return "may start and stop runs";
+  return session.role === "operator" ? "may stop runs" : "looks only";
 }
 
 async function leave() {

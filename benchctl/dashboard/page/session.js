@@ -3,11 +3,12 @@
 import { ApiError, change, get, useCsrf } from "./api.js";
 import { el, fill, say } from "./dom.js";
 
-/** The session's role: "operator" may stop a run, "viewer" only looks, "" is nobody. */
-export const session = { role: "" };
+/** The session's role: "operator" may stop a run, "viewer" only looks, "" is nobody; and whether it may start one. */
+export const session = { role: "", mayStart: false };
 
 /** Set while there is a session: who has none is asked for a token at once, not after a refusal. */
 const KNOWN = "benchctl-session";
+const NAME = "benchctl-name";
 
 /** Whether the address is a token, as `benchctl serve` prints it, and not the address of a view. */
 export function isTokenInAddress() {
@@ -42,6 +43,7 @@ export async function logOut() {
 export function forget() {
   session.role = "";
   localStorage.removeItem(KNOWN);
+  sessionStorage.removeItem(NAME);
   useCsrf("");
 }
 
@@ -95,8 +97,27 @@ export function refusal(error) {
   return error.status === 0 ? "The server does not answer. Is benchctl serve still running?" : error.message;
 }
 
-function accept({ role, csrf }) {
-  session.role = role;
+/** The name that was given last in this window, or null. */
+export function givenName() {
+  return sessionStorage.getItem(NAME) || null;
+}
+
+/** A field for the name that the journal states, as it was given last in this window; `usual` is the lab's. */
+export function nameField(id, usual) {
+  const input = el("input", {
+    id,
+    maxlength: 60,
+    autocomplete: "off",
+    spellcheck: "false",
+    required: true,
+    onchange: () => sessionStorage.setItem(NAME, input.value.trim()),
+  });
+  input.value = givenName() ?? usual;
+  return input;
+}
+
+function accept({ role, csrf, may_start: mayStart }) {
+  Object.assign(session, { role, mayStart });
   localStorage.setItem(KNOWN, "1");
   useCsrf(csrf);
 }

@@ -2,6 +2,7 @@
 
 import { ApiError, campaignPath, change } from "./api.js";
 import { el, fill, say } from "./dom.js";
+import { givenName } from "./session.js";
 
 const HOLD_MS = 2000;
 
@@ -30,7 +31,7 @@ export function askToStop(campaign, asked) {
   async function send() {
     stop.disabled = true;
     try {
-      await change("POST", campaignPath(campaign.id, "/stop"), { body: { confirm: campaign.name } });
+      await change("POST", campaignPath(campaign.id, "/stop"), { body: { confirm: campaign.name, who: givenName() } });
       asked(new Date());
       dialog.close();
     } catch (error) {
@@ -75,7 +76,8 @@ export function askToStop(campaign, asked) {
   input.focus();
 }
 
-function holdButton(title, done) {
+/** A button that has to be held. */
+export function holdButton(title, done) {
   const button = el("button", { type: "button", class: "hold" }, title);
   let timer = 0;
   const begin = (event) => {

@@ -108,7 +108,7 @@ async def stop(
     """Request a run to stop as with Ctrl-C: table at rest, chamber safe, both read back, the recording closed."""
     if caller.role != "operator":
         raise RefusalError(403, "this token only looks; a run is stopped with the other one, or at its terminal")
-    await site.quick.run(lambda: _ask_to_stop(site, key, order.confirm))
+    await site.quick.run(lambda: _ask_to_stop(site, key, order))
     return {"asked": True}
 
 
@@ -122,12 +122,12 @@ def _details(site: Site, key: str) -> dict[str, Any]:
     return details
 
 
-def _ask_to_stop(site: Site, key: str, confirm: str) -> None:
+def _ask_to_stop(site: Site, key: str, order: StopOrder) -> None:
     folder = site.path_of(key)
-    if confirm != site.catalogue.entry(key)["name"]:
+    if order.confirm != site.catalogue.entry(key)["name"]:
         raise RefusalError(422, "confirm is not the name of this campaign; nothing was stopped")
     try:
-        ask_by_file(folder, "operator")
+        ask_by_file(folder, order.who or "operator")
     except NotRunningError as err:
         raise RefusalError(409, str(err)) from err
 

@@ -250,10 +250,15 @@ class Handbook(Exact):
     pages: list[HelpPage]
 
 
+Word = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f]$")]
+"""One line that does not end in a space."""
+
+
 class StopOrder(Exact):
-    """The campaign's name, typed by the user for confirmation."""
+    """The campaign's name, typed by the user for confirmation, and the name of that person, if it is known."""
 
     confirm: str = Field(max_length=500)
+    who: Word | None = None
 
 
 class StopAsked(Exact):
@@ -279,10 +284,6 @@ class Released(Exact):
     bench: str
     operator: str
     procedures: list[ReleasedProcedure]
-
-
-Word = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f]$")]
-"""One line that does not end in a space."""
 
 
 class CheckOrder(Exact):

@@ -151,7 +151,9 @@ def test_the_operator_stops_the_run_that_is_named_and_only_with_its_name(
         assert (wrong.status_code, request.exists()) == (422, False)
         asked = client.post(f"{running}/stop", json={"confirm": RUNNING}, headers=headers)
         assert (asked.status_code, asked.json()) == (202, {"asked": True})
-    assert json.loads(request.read_text())["who"] == "operator"
+        assert json.loads(request.read_text())["who"] == "operator"
+        client.post(f"{running}/stop", json={"confirm": RUNNING, "who": "A. Ohm"}, headers=headers)
+    assert json.loads(request.read_text())["who"] == "A. Ohm"
     request.unlink()
 
 
