@@ -16,6 +16,7 @@ from benchctl.bench import template
 from benchctl.campaign.page_operator import OpenQuestion, answer_question, open_question
 from benchctl.recordings.reader import open_recording
 from tests.benchctl.campaign.by_hand import events
+from tests.benchctl.cli.processes import simulated_servers, started
 from tests.benchctl.dashboard.web.serving import Served, serving
 
 pytestmark = pytest.mark.timeout(300)
@@ -195,3 +196,27 @@ def test_a_start_that_is_sent_again_gives_one_run_which_outlives_the_server(lab:
     assert [event["by"] for event in events(results / name, "started")] == ["A. Ohm, at the live page"]
     assert [event["by"] for event in events(results / name, "operator")] == ["B. Volt, at the live page"]
     assert sorted(path.name for path in results.iterdir()) == [name, f"{name}.log"]
+
+
+@pytest.mark.slow
+def test_a_bench_that_another_program_has_is_refused_by_check_and_start_with_its_name(
+    lab: Path, tmp_path: Path
+) -> None:
+    bench, results = lab / "reached.toml", tmp_path / "results"
+    results.mkdir()
+    with simulated_servers(bench, "--speed", "20"):
+        bench.write_text(bench.read_text(encoding="utf-8") + RELEASED, encoding="utf-8")
+        with (
+            serving(results, tmp_path / "cache", "--bench", bench) as station,
+            started("run", lab / "incoming.py", "--bench", bench, "--page", "A. Ohm", "--out", tmp_path / "other"),
+            station.client() as client,
+        ):
+            question_in(tmp_path / "other")
+            check = client.post("/api/check", json=ORDER, timeout=60).json()
+            start = client.post("/api/start", json=START, timeout=60)
+    (problem,) = check["problems"]
+    assert not check["ready"]
+    assert problem.startswith("rate_table at tcp://127.0.0.1:")
+    assert f"(campaign {tmp_path / 'other'}, since" in problem
+    assert (start.status_code, start.json()["error"]) == (409, problem)
+    assert list(results.iterdir()) == []
