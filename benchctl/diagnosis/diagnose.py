@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from benchctl.diagnosis.data_faults import coarse_step_of, fault_findings, without_data_faults
 from benchctl.diagnosis.earth_rate import other_answer, plainly_better
-from benchctl.diagnosis.findings.figures import figures_of
+from benchctl.diagnosis.findings.figures import beyond_noise, figures_of
 from benchctl.diagnosis.findings.findings import findings_of, noise_effects
 from benchctl.diagnosis.findings.in_unit import finding_in, in_terms_of, not_found_in, pieces_in_time, unexplained_in
 from benchctl.diagnosis.findings.located import slices_of, step_figures
@@ -97,6 +97,8 @@ def _diagnosis(
     chosen = without_nothing(problem, chosen)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit, part) for one in found)
+    if not (found or unexplained.significant):
+        unexplained = beyond_noise(problem, chosen) or unexplained
     unexplained = unexplained_in(unexplained, problem.unit, part)
     if len(problem.step_names) > len(recording.infos):
         unexplained = pieces_in_time(unexplained)

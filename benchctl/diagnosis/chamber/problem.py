@@ -38,7 +38,10 @@ _LENGTHS = 5.0
 _ROOM_C = (5.0, 40.0)
 """Rated temperature range of laboratory equipment (IEC 61010-1, 1.4.1)."""
 _HEAT = 2.0
-"""Maximum gain, as a multiple of the gain that heats the air by its span at the longest time constant."""
+"""Maximum gain, as a multiple of the gain that heats the air by its span at the longest time constant.
+
+The span includes the distance from the nearest room temperature, which a chamber kept at a working point never shows.
+"""
 _FASTEST_DRIFT = 60.0
 """Fastest drift, K/h; faster changes are heat storage, not drift."""
 _MOST_LOSS = 19.0
@@ -428,9 +431,10 @@ def _baseline_bounds(rows: ChamberRows) -> dict[str, tuple[float, float]]:
 
     The gain of a heater is positive; a current may also cool.
     """
-    span, lasts_s = float(np.ptp(rows.temperature_c[rows.usable])), _lasting_s(rows)
+    air_c, lasts_s = rows.temperature_c[rows.usable], _lasting_s(rows)
+    span, coldest_c, hottest_c = float(np.ptp(air_c)), float(air_c.min()), float(air_c.max())
     mean_drive = float(np.mean(np.abs(rows.drive))) or 1.0
-    most = _HEAT * _LENGTHS * span / mean_drive
+    most = _HEAT * _LENGTHS * max(span, hottest_c - _ROOM_C[1], _ROOM_C[0] - coldest_c) / mean_drive
     least = -most if rows.channel == "current_a" else 0.0
     first_c, about_k = _first_air_c(rows), _START_K + _START_STEPS * rows.step_c
     offset_k = max(_OFFSET_SHARE * span, _LEAST_OFFSET_K)

@@ -7,14 +7,16 @@ import math
 import numpy as np
 from scipy.stats import chi2
 
-from benchctl.diagnosis.findings.located import left_of
-from benchctl.diagnosis.result import FitFigures
+from benchctl.diagnosis.findings.located import left_of, where_of
+from benchctl.diagnosis.result import FitFigures, Unexplained
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.stepped import PartProblem
 from benchctl.estimation.disturbance import disturbance_of_fit
 from benchctl.estimation.noise_model import between_rows
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
+_FAR_ABOVE = 2.0
+"""Residual, relative to the noise, above which a model does not agree with a recording."""
 _BLOCK_S, _FEWEST = 1.0, 20
 """Block length and minimum rows for the line fitted at rest; within it a drift of the bias is linear."""
 
@@ -39,6 +41,26 @@ def figures_of(problem: PartProblem, chosen: Selection) -> FitFigures:
         heldout_named=_rms(named[heldout]),
         heldout_after=_rms(after[heldout]),
     )
+
+
+def beyond_noise(problem: PartProblem, chosen: Selection) -> Unexplained | None:
+    """Return a residual far above the noise that depends on no coordinate: where in time most of it is; else None.
+
+    A single burst, in which for example a table slips, is structure for none of the tests along coordinates. A
+    disturbance of a chamber's air is part of its model and not a residual.
+    """
+    noise, counted = noise_of(problem, chosen), chosen.whitener.weight > 0.0
+    squares = np.where(counted, left_of(problem, chosen.after, chosen.whitener) ** 2, 0.0)
+    ratio = _rms(np.sqrt(squares[counted])) / noise if noise else 0.0
+    if problem.disturbed or ratio < _FAR_ABOVE:
+        return None
+    where = where_of(problem, squares.astype(np.float32), "time")
+    spans = " and ".join(f"{low:.4g} to {high:.4g} s" for low, high in where.ranges)
+    sentence = (
+        f"The residual is {ratio:.2g} times the noise and depends on no coordinate that was tested;"
+        f" {where.share_of_excess:.0%} of its square is at {spans}."
+    )
+    return Unexplained(significant=True, share=1.0 - ratio**-2.0, coordinates=("time",), says=sentence)
 
 
 def noise_of(problem: PartProblem, chosen: Selection) -> float | None:

@@ -200,8 +200,12 @@ class _Subsets:
 
     @cached_property
     def _nearest(self) -> _Names:
-        """The set with the smallest residual among those in which every effect is confirmed."""
-        return next(filter(self._is_sure, sorted(self._tried, key=lambda names: self._tried[names].squares)))
+        """The set with the smallest residual among those in which every effect is confirmed; else the empty one.
+
+        In the empty set nothing is confirmed either if its fixed structures cannot be distinguished from zero.
+        """
+        by_residual = sorted(self._tried, key=lambda names: self._tried[names].squares)
+        return next(filter(self._is_sure, by_residual), ())
 
     @cached_property
     def _near(self) -> list[_Names]:

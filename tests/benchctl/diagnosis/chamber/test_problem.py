@@ -133,6 +133,18 @@ def test_the_simulated_air_agrees_with_an_integrator_of_differential_equations()
     assert air_c(signals, 25.0, 4.0, 150.0) == pytest.approx(expected, abs=0.05)
 
 
+def test_a_boiler_that_never_leaves_its_working_point_has_the_gain_that_holds_it_there() -> None:
+    gain_c, tau_s, time_s = 10.0, 180.0, 0.5 * np.arange(2400)
+    percent = np.where(np.mod(time_s, 150.0) < 75.0, 5.5, 8.0)
+    air_c = [ROOM_C + gain_c * 6.75]
+    for one in percent[:-1]:
+        air_c.append(air_c[-1] + 0.5 * (gain_c * one + ROOM_C - air_c[-1]) / tau_s)
+    read = np.array(air_c) + np.random.default_rng(3).normal(0.0, 0.02, time_s.size)
+    problem = chamber_problem(recording_of({"time_s": time_s, "chamber_temp_c": read, "heater_percent": percent}))
+    assert problem.baseline_start[0] == pytest.approx(gain_c, rel=0.2)
+    assert np.std(problem.predict(problem.baseline_start, ()) - problem.measured) < 0.03
+
+
 def test_a_lab_that_believes_in_another_gain_has_its_change_weighed() -> None:
     recording = recording_of(chamber_channels(Truth(), 1))
     model = {"gain_c_per_percent": 3.0, "tau_s": TAU_S, "ambient_c": ROOM_C}

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.findings.figures import figures_of, noise_of
+from benchctl.diagnosis.findings.figures import beyond_noise, figures_of, noise_of
 from benchctl.diagnosis.gyro.points import points_problem
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.reader import open_recording
@@ -45,3 +45,16 @@ def test_what_was_found_brings_held_out_residuals_down_to_the_noise() -> None:
     assert figures.heldout_before > 4.0 * NOISE_V
     assert figures.heldout_named == figures.heldout_after == pytest.approx(NOISE_V, rel=0.1)
     assert figures.after == pytest.approx(NOISE_V, rel=0.1)
+
+
+def test_a_burst_that_follows_no_coordinate_is_not_said_to_agree() -> None:
+    place = np.arange(toy().measured.size)
+    moving = np.flatnonzero(np.array([kind != "static" for kind in toy().step_kinds])[toy().step])
+    burst = (place > moving[40]) & (place < moving[80])
+    problem = toy(added_v=np.where(burst, 3.0 * np.random.default_rng(2).standard_normal(place.size), 0.0))
+    found = beyond_noise(problem, selected(problem))
+    assert found is not None
+    assert found.significant
+    assert found.coordinates == ("time",)
+    assert found.says.startswith("The residual is ")
+    assert beyond_noise(toy(), selected(toy())) is None
