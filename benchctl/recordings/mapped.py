@@ -200,7 +200,7 @@ def _treatment(base: TimeBase, raw: RawColumns, entry: TimeEntry) -> str:
     if filled:
         sentences.append(f"{filled} samples were filled in linearly and are marked in the channel filled")
     if len(base.starts) > 1:
-        sentences.append(f"steps were cut at {len(base.starts) - 1} gaps")
+        sentences.append(f"the recording was cut into {len(base.starts)} steps")
     return ". ".join(part[:1].upper() + part[1:] for part in sentences) + "."
 
 

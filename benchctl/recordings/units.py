@@ -105,8 +105,8 @@ OTHER: Mapping[str, Conversion] = {
         "K": "K",
         "degF": "degF",
     }.items()
-}
-"""Units of channels without a benchctl name: kept unchanged."""
+} | {"rpm": RATE["rpm"]}
+"""Units of channels without a benchctl name: kept unchanged, except rpm, which becomes deg/s."""
 
 
 def unit_of_column(name: str) -> str:

@@ -53,6 +53,7 @@ def test_the_examples_need_no_heavy_import() -> None:
         ('gyro_temp_c]\nunit = "degF"', 212.0, 100.0),
         ('torque_nm]\nunit = "N m"\nscale = 2\noffset = 1', 3.0, 7.0),
         ('torque_nm]\nunit = "N·m"', 3.0, 3.0),
+        ('table_rate_dps]\nunit = "rpm"', 2.0, 12.0),
     ],
 )
 def test_units_signs_scales_and_offsets_are_applied_in_this_order(table: str, raw: float, expected: float) -> None:
