@@ -88,7 +88,7 @@ class SimulatedBinderMb2(ModbusRtuServer):
     def _registers(self) -> list[Register]:
         order, air_c = self._word_order, self._chamber.air_c
         humidity, fan = words_from_f32(HUMIDITY_PERCENT, order), words_from_f32(FAN_PERCENT, order)
-        setpoint = LimitedSetpoint(self._chamber.set_setpoint, -70.0, 180.0)
+        setpoint = LimitedSetpoint(self._chamber, -70.0, 180.0)
         return [
             *(f32(address, air_c, word_order=order) for address in (0x1004, 0x1006, 0x1008, 0x100C, 0x10D0, 0x10D2)),
             *constants(laid_out({**dict.fromkeys((0x100A, 0x10B4, 0x10D4, 0x10D6), humidity), 0x10B6: fan})),

@@ -89,7 +89,7 @@ class SimulatedCszEzt430i(ModbusRtuServer):
 
     def _registers(self) -> list[Register]:
         chamber = self._chamber
-        setpoint = LimitedSetpoint(chamber.set_setpoint, -80.0, 200.0)
+        setpoint = LimitedSetpoint(chamber, -80.0, 200.0)
         return [
             *constants(laid_out(CONSTANTS)),
             word(0, lambda: self.busy),

@@ -68,7 +68,7 @@ class SimulatedEurotherm(ModbusRtuServer):
         self._decimals = decimals
         self._mode = AUTO if chamber.running() else MANUAL
         self._frozen_percent = 0.0
-        self._setpoint = LimitedSetpoint(chamber.set_setpoint, -200.0, 850.0)
+        self._setpoint = LimitedSetpoint(chamber, -200.0, 850.0)
         self._selected, self._other_c = 0, chamber.setpoint_c()  # parameter 15; of SP1 and SP2 the one not selected
         self._values = {**self.KEPT, **self.KEPT_WHOLE}
         self.program = PROGRAM_RESET

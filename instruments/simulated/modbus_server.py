@@ -118,18 +118,25 @@ class RegisterTable:
         return self._at[address]
 
 
-class LimitedSetpoint:
-    """A set point in °C between two limits, passed to `take`; one that violates their order gets exception 3."""
+class TakesSetpoint(Protocol):
+    """A chamber whose set point can be set."""
 
-    def __init__(self, take: Callable[[float], None], low_c: float, high_c: float) -> None:
-        self._take = take
+    def set_setpoint(self, setpoint_c: float) -> None:
+        """Set a new set point."""
+
+
+class LimitedSetpoint:
+    """A set point in °C between two limits; a value that violates their order is refused with exception 3."""
+
+    def __init__(self, chamber: TakesSetpoint, low_c: float, high_c: float) -> None:
+        self._chamber = chamber
         self.low_c, self.high_c = low_c, high_c
 
     def put(self, value_c: float) -> None:
         """Set a new set point."""
         if not self.low_c <= value_c <= self.high_c:  # also refuses NaN
             raise ModbusRefusal(ILLEGAL_VALUE)
-        self._take(value_c)
+        self._chamber.set_setpoint(value_c)
 
     def put_low(self, value_c: float) -> None:
         """Set a new low limit."""

@@ -73,7 +73,7 @@ class SimulatedProfiled(ModbusRtuServer):
         self._chamber = chamber
         self._profile = profile
         self._pending_c = chamber.setpoint_c()
-        self._setpoint = LimitedSetpoint(self.set_setpoint, *(profile.kept_limits_c or (LOW_C, HIGH_C)))
+        self._setpoint = LimitedSetpoint(self, *(profile.kept_limits_c or (LOW_C, HIGH_C)))
         self._outputs: dict[int, float] = {}  # values written while off
         self.words = {address: 0 for _, address in words(profile)} | self._first_words()
         self._declared: list[Register] = []

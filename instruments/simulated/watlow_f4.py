@@ -119,7 +119,7 @@ class SimulatedWatlowF4(ModbusRtuServer):
 
     def _registers(self) -> list[Register]:
         chamber, (alarm_1, alarm_2) = self._chamber, self._alarms
-        setpoint = LimitedSetpoint(chamber.set_setpoint, -70.0, 180.0)
+        setpoint = LimitedSetpoint(chamber, -70.0, 180.0)
         return [
             *constants(laid_out(CONSTANTS)),
             self._scaled(100, chamber.air_c),

@@ -153,7 +153,7 @@ class SimulatedWatlowF4T(Served):
 
     def _registers(self) -> list[Register]:
         chamber, offset = self._chamber, 160 * (self._loop - 1)
-        setpoint = LimitedSetpoint(chamber.set_setpoint, -70.0, 180.0)
+        setpoint = LimitedSetpoint(chamber, -70.0, 180.0)
         return [
             *constants(laid_out({16: tuple(self._part_number.encode()), **CONSTANTS})),
             *constants(laid_out({16536: (ABSOLUTE_TEMPERATURE, 0) * self._loop})),  # quantity of the profiles' loops

@@ -47,20 +47,20 @@ def beyond_noise(problem: PartProblem, chosen: Selection) -> Unexplained | None:
     """Return a residual far above the noise that depends on no coordinate: where in time most of it is; else None.
 
     A single burst, in which for example a table slips, is structure for none of the tests along coordinates. A
-    disturbance of a chamber's air is part of its model and not a residual.
+    disturbance of a chamber's air is part of its model and not a residual; commanded rates may be wrong.
     """
-    noise, counted = noise_of(problem, chosen), chosen.whitener.weight > 0.0
+    counted = chosen.whitener.weight > 0.0
+    noise = math.hypot(noise_of(problem, chosen) or 0.0, problem.rate_error_v)
     squares = np.where(counted, left_of(problem, chosen.after, chosen.whitener) ** 2, 0.0)
     ratio = _rms(np.sqrt(squares[counted])) / noise if noise else 0.0
     if problem.disturbed or ratio < _FAR_ABOVE:
         return None
     where = where_of(problem, squares.astype(np.float32), "time")
-    spans = " and ".join(f"{low:.4g} to {high:.4g} s" for low, high in where.ranges)
-    sentence = (
-        f"The residual is {ratio:.2g} times the noise and depends on no coordinate that was tested;"
-        f" {where.share_of_excess:.0%} of its square is at {spans}."
-    )
-    return Unexplained(significant=True, share=1.0 - ratio**-2.0, coordinates=("time",), says=sentence)
+    sentence = f"The residual is {ratio:.2g} times the noise and depends on no coordinate that was tested"
+    if where.ranges:
+        spans = " and ".join(f"{low:.4g} to {high:.4g} s" for low, high in where.ranges)
+        sentence += f"; {where.share_of_excess:.0%} of its square is at {spans}"
+    return Unexplained(significant=True, share=1.0 - ratio**-2.0, coordinates=("time",), says=f"{sentence}.")
 
 
 def noise_of(problem: PartProblem, chosen: Selection) -> float | None:

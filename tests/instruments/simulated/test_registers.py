@@ -141,7 +141,7 @@ def test_a_number_with_an_implied_point_stops_at_the_end_of_its_register(value: 
 
 def test_a_set_point_and_its_limits_keep_their_order() -> None:
     chamber = FakeChamber()
-    setpoint = LimitedSetpoint(chamber.set_setpoint, -70.0, 180.0)
+    setpoint = LimitedSetpoint(chamber, -70.0, 180.0)
     for put, wrong in (
         (setpoint.put, (180.1, -70.1, float("nan"))),
         (setpoint.put_low, (180.0, float("nan"), float("-inf"))),
