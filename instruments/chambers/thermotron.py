@@ -19,6 +19,7 @@ from benchctl_instruments.chambers.line_chamber import SETPOINT, KeptLimitsChamb
 from benchctl_instruments.interfaces import Clock
 from benchctl_instruments.links.lines import LineDialogue, Manners
 from benchctl_instruments.links.serial_port import byte_link
+from benchctl_instruments.links.tcp import Reconnect
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import thermotron
 from benchctl_instruments.protocols.lines import parse_number
@@ -43,6 +44,8 @@ class Thermotron(KeptLimitsChamber):
         `tcp://HOST:PORT`, `serial://DEVICE?baud=9600` (or as set on the controller) or `socket://HOST:PORT`.
     clock, timeout_s, wire_log
         See `LineChamber`.
+    reconnect
+        See `byte_link`.
     """
 
     NAME: ClassVar[str]
@@ -54,11 +57,12 @@ class Thermotron(KeptLimitsChamber):
         *,
         clock: Clock,
         timeout_s: float = 3.0,
+        reconnect: Reconnect | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
         lines = LineDialogue(
             self.NAME,
-            byte_link(address, default_baud=BAUD, wire_log=wire_log),
+            byte_link(address, default_baud=BAUD, reconnect=reconnect, wire_log=wire_log),
             manners=Manners(answer_end=None, timeout_s=timeout_s, commands_answered=self.COMMANDS_ANSWERED),
             clock=clock,
         )

@@ -16,6 +16,7 @@ from benchctl_instruments.chambers.line_chamber import RAMP, ramp_refused
 from benchctl_instruments.chambers.thermotron import Thermotron, recognition_of
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
+from benchctl_instruments.links.tcp import Reconnect
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import thermotron
 from benchctl_instruments.protocols.lines import parse_number
@@ -30,7 +31,7 @@ class Thermotron8800(Thermotron):
         `tcp://HOST:8888`, or see `Thermotron`.
     ramp_c_per_min
         The controller's own ramp of manual mode, written at `start`; None: it stays as set on the controller.
-    clock, timeout_s, wire_log
+    clock, timeout_s, reconnect, wire_log
         As for `Thermotron`.
     """
 
@@ -44,10 +45,11 @@ class Thermotron8800(Thermotron):
         clock: Clock,
         ramp_c_per_min: float | None = None,
         timeout_s: float = 3.0,
+        reconnect: Reconnect | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
         ramp_refused(ramp_c_per_min)
-        super().__init__(address, clock=clock, timeout_s=timeout_s, wire_log=wire_log)
+        super().__init__(address, clock=clock, timeout_s=timeout_s, reconnect=reconnect, wire_log=wire_log)
         self._ramp_c_per_min = ramp_c_per_min
 
     def identify(self) -> Identity:

@@ -21,6 +21,7 @@ from benchctl_instruments.errors import InstrumentError, UsageError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.lines import LineDialogue, Manners
 from benchctl_instruments.links.serial_port import byte_link
+from benchctl_instruments.links.tcp import Reconnect
 from benchctl_instruments.links.wirelog import WireLog, note_recovered
 from benchctl_instruments.protocols.lines import MOST_SHOWN, UnreadableError, parse_number
 from benchctl_instruments.recognition import ByLine
@@ -61,6 +62,8 @@ class WatlowF4TScpi(KeptLimitsChamber):
         output 1), or "nothing": the chamber conditions while it has power, and `start` and `stop` do not change that.
     clock, timeout_s, wire_log
         See `LineChamber`.
+    reconnect
+        See `byte_link`.
     """
 
     recognition = (
@@ -82,6 +85,7 @@ class WatlowF4TScpi(KeptLimitsChamber):
         on_by: OnBy = "output",
         on_number: int = 1,
         timeout_s: float = 2.0,
+        reconnect: Reconnect | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
         if loop not in LOOPS or on_by not in get_args(OnBy) or on_number not in OUTPUTS:
@@ -91,7 +95,7 @@ class WatlowF4TScpi(KeptLimitsChamber):
             )
         lines = LineDialogue(
             NAME,
-            byte_link(address, wire_log=wire_log),
+            byte_link(address, reconnect=reconnect, wire_log=wire_log),
             manners=Manners(sent_end=b"\n", timeout_s=timeout_s, pause_s=PAUSE_S, commands_answered=False),
             clock=clock,
         )

@@ -25,6 +25,7 @@ from benchctl_instruments.errors import InstrumentError, UsageError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.lines import LineDialogue, Manners, NoAnswerError
 from benchctl_instruments.links.serial_port import byte_link
+from benchctl_instruments.links.tcp import Reconnect
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import ascii2
 from benchctl_instruments.protocols.ascii2 import Description, State
@@ -47,6 +48,8 @@ class WeissAscii2(KeptLimitsChamber):
         The chamber's address, 0 to 99; clients of real chambers use 0 and 1.
     clock, timeout_s, wire_log
         See `LineChamber`.
+    reconnect
+        See `byte_link`.
     """
 
     recognition = (
@@ -67,13 +70,14 @@ class WeissAscii2(KeptLimitsChamber):
         clock: Clock,
         unit_id: int = 1,
         timeout_s: float = 3.0,
+        reconnect: Reconnect | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
         if unit_id not in range(100):
             raise UsageError(f"unit_id = {unit_id}; give the chamber's address, 0 to 99")
         lines = LineDialogue(
             f"Weiss/Vötsch ASCII-2, address {unit_id},",
-            byte_link(address, default_baud=BAUD, wire_log=wire_log),
+            byte_link(address, default_baud=BAUD, reconnect=reconnect, wire_log=wire_log),
             manners=Manners(sent_end=b"\r", answer_end=None, encoding="latin-1", timeout_s=timeout_s),
             clock=clock,
         )

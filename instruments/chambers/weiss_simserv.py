@@ -22,7 +22,7 @@ from benchctl_instruments.chambers.line_chamber import RAMP, SETPOINT, Answer, K
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.lines import LineDialogue, Manners
-from benchctl_instruments.links.tcp import TcpLink
+from benchctl_instruments.links.tcp import Reconnect, TcpLink
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import simserv
 from benchctl_instruments.protocols.simserv import START, TEMPERATURE
@@ -42,6 +42,8 @@ class WeissSimserv(KeptLimitsChamber):
         The controller's own ramp (gradient) in both directions, written at `start`; None: it stays as it is.
     clock, timeout_s, wire_log
         See `LineChamber`.
+    reconnect
+        See `TcpLink`.
     """
 
     recognition = (
@@ -61,12 +63,13 @@ class WeissSimserv(KeptLimitsChamber):
         clock: Clock,
         ramp_c_per_min: float | None = None,
         timeout_s: float = 3.0,
+        reconnect: Reconnect | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
         ramp_refused(ramp_c_per_min)
         lines = LineDialogue(
             "Weiss/Vötsch SIMSERV",
-            TcpLink(address, wire_log=wire_log),
+            TcpLink(address, reconnect=reconnect, wire_log=wire_log),
             manners=Manners(sent_end=b"\r", encoding=simserv.ENCODING, timeout_s=timeout_s),
             clock=clock,
         )

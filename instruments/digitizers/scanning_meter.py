@@ -40,6 +40,7 @@ from benchctl_instruments.errors import BenchError, InstrumentError, LinkError, 
 from benchctl_instruments.interfaces import Clock, Identity, Instrument, ScanBlock, SingleScan, StreamStart
 from benchctl_instruments.links.lines import LineDialogue, Manners
 from benchctl_instruments.links.serial_port import byte_link
+from benchctl_instruments.links.tcp import Reconnect
 from benchctl_instruments.links.wirelog import WireLog, note_recovered
 from benchctl_instruments.protocols import scpi
 from benchctl_instruments.protocols.lines import MOST_SHOWN, UnreadableError, parse_number
@@ -86,7 +87,7 @@ class ScanningMeter(Instrument, ABC):
         Range of the voltages, one of `RANGES_V`.
     timeout_s
         Timeout of a connection and of an answer, wall time; a single scan takes up to 1 s.
-    wire_log
+    reconnect, wire_log
         See `byte_link`.
     """
 
@@ -111,6 +112,7 @@ class ScanningMeter(Instrument, ABC):
         temperature: str = VOLTS,
         range_v: float = 10.0,
         timeout_s: float = 5.0,
+        reconnect: Reconnect | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
         if gyro_channel == thermistor_channel:
@@ -121,7 +123,7 @@ class ScanningMeter(Instrument, ABC):
             raise UsageError(f"range_v {range_v:g}: expected one of the ranges of a {self.NAME}, {self.RANGES_V} V")
         self._lines = LineDialogue(
             self.NAME,
-            byte_link(address, default_baud=BAUD, wire_log=wire_log),
+            byte_link(address, default_baud=BAUD, reconnect=reconnect, wire_log=wire_log),
             manners=Manners(sent_end=b"\n", timeout_s=timeout_s, commands_answered=False),
             clock=clock,
         )
