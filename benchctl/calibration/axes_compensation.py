@@ -15,8 +15,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from benchctl.calibration.coefficients import AxesCoefficients, checked_as, valid_range
-from benchctl.calibration.result import ValidRange
+from benchctl.calibration.coefficients import AxesCoefficients, FromFile, checked_as, from_file
 from benchctl.calibration.three_axes import AxesLaw
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
@@ -26,8 +25,8 @@ _BLOCK = 65536
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AxesCompensation:
-    """The compensation for the outputs of one unit of three axes; the other attributes are those of `Compensation`.
+class AxesCompensation(FromFile):
+    """The compensation for the outputs of one unit of three axes.
 
     `at_T0` is the law at T0 and `per_c` its change per °C, 0 if none was fitted. The delay of the outputs is not part
     of the fit.
@@ -36,12 +35,6 @@ class AxesCompensation:
     at_T0: AxesLaw  # noqa: N815 - the field's own letters
     per_c: AxesLaw
     T0_c: float
-    valid: ValidRange
-    unit: str
-    sha256: str
-    sources: tuple[tuple[str, str], ...]
-    k: float
-    expanded: Mapping[str, float]
 
     by: ClassVar[Literal["three_axes"]] = "three_axes"
     words: ClassVar[str] = "matrix of three axes"
@@ -88,21 +81,12 @@ def axes_compensation(content: Mapping[str, Any], path: Path, sha256: str) -> Ax
     """Return the compensation in the content of a file; raise `UsageError` if it cannot be used."""
     found = checked_as(AxesCoefficients, content, str(path))
     try:
-        valid = valid_range(found)
+        common = from_file(found, sha256)
     except UsageError as err:
         raise UsageError(f"{path}: {err}") from err
     return AxesCompensation(
         at_T0=AxesLaw(matrix=np.array(found.matrix), bias_dps=np.array(found.bias_dps)),
         per_c=AxesLaw(matrix=np.array(found.matrix_per_c), bias_dps=np.array(found.bias_dps_per_c)),
         T0_c=found.T0_c,
-        valid=valid,
-        unit=found.unit or "",
-        sha256=sha256,
-        sources=tuple((source.recording, source.digest) for source in found.source),
-        k=found.uncertainty.k,
-        expanded={
-            name: parameter.expanded
-            for name, parameter in found.uncertainty.parameters.items()
-            if parameter.expanded is not None
-        },
+        **common,
     )

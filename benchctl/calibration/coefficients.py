@@ -27,7 +27,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -164,7 +164,7 @@ def checked(content: Mapping[str, Any], where: str) -> Coefficients:
     return checked_as(Coefficients, content, where)
 
 
-def valid_range(found: Coefficients | AxesCoefficients) -> ValidRange:
+def _valid_range(found: Coefficients | AxesCoefficients) -> ValidRange:
     """Return the measured range; a temperature that is not recorded has no bounds. `UsageError` if there is none."""
     if found.valid is None:
         raise UsageError("does not say where it is valid (`valid`); write it with `benchctl fit`")
@@ -177,6 +177,45 @@ def valid_range(found: Coefficients | AxesCoefficients) -> ValidRange:
             "first; write it with `benchctl fit`"
         )
     return ValidRange(rate_dps=(slowest, fastest), temperature_c=(coldest, warmest))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FromFile:
+    """What the compensations of one and of three axes have in common: the facts of a file of coefficients.
+
+    Attributes
+    ----------
+    valid
+        The measured range; a temperature that is not recorded has no bounds, −inf to inf.
+    unit
+        The unit's serial, empty if the file names none.
+    sha256
+        Digest of the file's bytes.
+    sources
+        Name and digest of every recording that was fitted.
+    k, expanded
+        Coverage factor and expanded uncertainty of the law's parameters, by their names in the file.
+    """
+
+    valid: ValidRange
+    unit: str
+    sha256: str
+    sources: tuple[tuple[str, str], ...]
+    k: float
+    expanded: Mapping[str, float]
+
+
+def from_file(found: Coefficients | AxesCoefficients, sha256: str) -> dict[str, Any]:
+    """Return the fields of `FromFile`; raise `UsageError` if the file does not state its range."""
+    parameters = found.uncertainty.parameters.items()
+    return {
+        "valid": _valid_range(found),
+        "unit": found.unit or "",
+        "sha256": sha256,
+        "sources": tuple((source.recording, source.digest) for source in found.source),
+        "k": found.uncertainty.k,
+        "expanded": {name: one.expanded for name, one in parameters if one.expanded is not None},
+    }
 
 
 def applied_law(found: Coefficients, by: By) -> AppliedLaw:

@@ -1,7 +1,6 @@
 """A `coefficients.json` ready for use: its law, its valid range, its unit; exported.
 
-`benchctl export --to json` writes the compensation
-for programs that read JSON, without the details of the fit:
+`benchctl export --to json` writes the compensation for programs that read JSON, without the details of the fit:
 
 | key | content |
 |---|---|
@@ -31,7 +30,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,12 +41,13 @@ from benchctl.calibration.axes_compensation import AxesCompensation, axes_compen
 from benchctl.calibration.coefficients import (
     By,
     Coefficients,
+    FromFile,
     applied_law,
     checked,
     coefficients_in,
+    from_file,
     is_of_law,
     is_of_three_axes,
-    valid_range,
 )
 from benchctl.calibration.discovered import Discovered
 from benchctl.calibration.model import AppliedLaw
@@ -61,23 +60,15 @@ from benchctl_instruments.physics.structure_shapes import SHAPES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compensation:
+class Compensation(FromFile):
     """The compensation for the output of one unit.
 
     Attributes
     ----------
     law, by
         The law, and whether it is that of the joint fit or of the stages.
-    valid
-        The measured range; a temperature that is not recorded has no bounds, −inf to inf.
-    unit, output_unit
-        The unit's serial, empty if the file names none, and the unit of its output.
-    sha256
-        Digest of the file's bytes.
-    sources
-        Name and digest of every recording that was fitted.
-    k, expanded
-        Coverage factor and expanded uncertainty of the law's parameters, by their names in the file.
+    output_unit
+        The unit of the output.
     error_percent
         Largest residual over the largest rate of a run, on runs that were not fitted; None if there were none.
     earth_rate_dps
@@ -86,13 +77,7 @@ class Compensation:
 
     law: AppliedLaw
     by: By
-    valid: ValidRange
-    unit: str
     output_unit: str
-    sha256: str
-    sources: tuple[tuple[str, str], ...]
-    k: float
-    expanded: Mapping[str, float]
     error_percent: float | None
     earth_rate_dps: float
 
@@ -140,20 +125,13 @@ def _compensation(found: Coefficients, by: By, sha256: str) -> Compensation:
     law = applied_law(found, by)
     levels = ("joint",) if by == "joint" else ("stage_2", "stage_1")
     of_another = by == "stages" and found.joint is not None  # the file's uncertainties are those of the joint fit
+    common = from_file(found, sha256)
+    own = {name: value for name, value in common["expanded"].items() if is_of_law(name, law) and not of_another}
     return Compensation(
+        **{**common, "expanded": own},
         law=law,
         by=by,
-        valid=valid_range(found),
-        unit=found.unit or "",
         output_unit=found.output_unit,
-        sha256=sha256,
-        sources=tuple((source.recording, source.digest) for source in found.source),
-        k=found.uncertainty.k,
-        expanded={
-            name: parameter.expanded
-            for name, parameter in found.uncertainty.parameters.items()
-            if parameter.expanded is not None and is_of_law(name, law) and not of_another
-        },
         error_percent=next((found.error_percent[name] for name in levels if name in found.error_percent), None),
         earth_rate_dps=found.earth_rate_dps,
     )

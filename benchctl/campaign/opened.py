@@ -12,7 +12,8 @@ from typing import Any, cast
 
 import tomli_w
 
-from benchctl.bench import Bench, InstrumentEntry
+from benchctl.bench import Bench
+from benchctl.bench_instruments import InstrumentEntry
 from benchctl.campaign.operator import NoOperator, Operator, SimulatedOperator, operator_at_terminal, request_turn
 from benchctl.campaign.reserved import reserved
 from benchctl.closeness import meant

@@ -7,8 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from benchctl.cli.candidates import bench_files
-from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, out_option, result_of, toml_option
+from benchctl.cli.output import (
+    JsonOption,
+    QuietOption,
+    RecordingsArgument,
+    bench_option,
+    out_option,
+    result_of,
+    toml_option,
+)
 from benchctl_instruments.errors import UsageError
 
 if TYPE_CHECKING:
@@ -40,9 +47,7 @@ def diagnose(
     ] = False,
     bench: Annotated[
         str | None,
-        typer.Option(
-            "--bench", metavar="BENCH", autocompletion=bench_files, help="For --settle; default: the recording's own."
-        ),
+        bench_option("For --settle; default: the recording's own."),
     ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="With --settle: show the run and its duration; execute nothing.")

@@ -5,10 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from benchctl.cli.candidates import bench_files
-from benchctl.cli.output import JsonOption, QuietOption, out_option, result_of
+from benchctl.cli.output import JsonOption, QuietOption, bench_option, out_option, result_of
 
 if TYPE_CHECKING:
     from benchctl.doctor.finding import Finding
@@ -23,15 +20,7 @@ _WIDEST = 20
 
 
 def doctor(
-    bench: Annotated[
-        str | None,
-        typer.Option(
-            "--bench",
-            metavar="BENCH",
-            autocompletion=bench_files,
-            help="A bench.toml; its ports and instruments are also checked.",
-        ),
-    ] = None,
+    bench: Annotated[str | None, bench_option("A bench.toml; its ports and instruments are also checked.")] = None,
     out: Annotated[Path, out_option("Folder of the campaigns; default: results/.")] = Path("results"),
     json_to: JsonOption = None,
     quiet: QuietOption = False,

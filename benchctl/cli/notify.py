@@ -6,15 +6,14 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.candidates import bench_files
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.output import JsonOption, QuietOption, bench_option, result_of
 
 
 def notify(
     test: Annotated[bool, typer.Option("--test", help="Send a test message to each recipient.")] = False,
     bench: Annotated[
         str,
-        typer.Option("--bench", metavar="BENCH", autocompletion=bench_files, help="A bench.toml with [notify]."),
+        bench_option("A bench.toml with [notify]."),
     ] = "bench.toml",
     json_to: JsonOption = None,
     quiet: QuietOption = False,

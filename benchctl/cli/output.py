@@ -22,6 +22,11 @@ def toml_option(name: str, description: str) -> Any:
     return typer.Option(name, metavar="FILE", autocompletion=toml_files, help=description)
 
 
+def bench_option(description: str) -> Any:
+    """Return the option `--bench`, with shell completion."""
+    return typer.Option("--bench", metavar="BENCH", autocompletion=bench_files, help=description)
+
+
 def out_option(description: str) -> Any:
     """Return the option `--out`, which takes a folder."""
     return typer.Option("--out", metavar="DIR", help=description)
@@ -38,15 +43,8 @@ UnitOption = Annotated[
     str | None,
     typer.Option("--unit", metavar="SERIAL", help="Serial number of the unit; default: that of the bench."),
 ]
-BenchOption = Annotated[
-    str,
-    typer.Option(
-        "--bench",
-        metavar="BENCH",
-        autocompletion=bench_files,
-        help="A bench.toml, or `simulated`, which needs no file.",
-    ),
-]
+BENCH = bench_option("A bench.toml, or `simulated`, which needs no file.")
+BenchOption = Annotated[str, BENCH]
 ProcedureArgument = Annotated[
     str, typer.Argument(metavar="PROCEDURE", autocompletion=procedures_named, help="Its name, or a .py file.")
 ]

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.candidates import bench_files, campaigns, procedures_named, recordings
+from benchctl.cli.candidates import campaigns, procedures_named, recordings
 from benchctl.cli.output import (
+    BENCH,
     JsonOption,
     ParameterOption,
     QuietOption,
@@ -26,15 +27,7 @@ def run(
         str | None,
         typer.Argument(metavar="PROCEDURE", autocompletion=procedures_named, help="Its name, or a .py file."),
     ] = None,
-    bench: Annotated[
-        str | None,
-        typer.Option(
-            "--bench",
-            metavar="BENCH",
-            autocompletion=bench_files,
-            help="A bench.toml, or `simulated`, which needs no file.",
-        ),
-    ] = None,
+    bench: Annotated[str | None, BENCH] = None,
     parameter: ParameterOption = None,
     unit: UnitOption = None,
     dry_run: Annotated[

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from benchctl.cli.candidates import bench_files
 from benchctl.cli.messages import tell
+from benchctl.cli.output import bench_option
 
 _EXTRA = frozenset({"fastapi", "starlette", "uvicorn", "websockets"})
 
@@ -19,15 +19,7 @@ def serve(
     host: Annotated[
         str, typer.Option(metavar="ADDRESS", help="Address to listen on; default: this machine only.")
     ] = "127.0.0.1",
-    bench: Annotated[
-        str | None,
-        typer.Option(
-            "--bench",
-            metavar="BENCH",
-            autocompletion=bench_files,
-            help="A bench.toml: what it releases can be started from the page.",
-        ),
-    ] = None,
+    bench: Annotated[str | None, bench_option("A bench.toml: what it releases can be started from the page.")] = None,
     read_only: Annotated[
         bool, typer.Option("--read-only", help="Runs cannot be stopped or started from the page.")
     ] = False,

@@ -12,7 +12,8 @@ import time
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from benchctl.bench import Bench, InstrumentEntry
+from benchctl.bench import Bench
+from benchctl.bench_instruments import InstrumentEntry
 from benchctl.campaign.opened import driver_at
 from benchctl.doctor.finding import Finding, bad, ok
 from benchctl.doctor.reach import Reached, reach, reach_finding

@@ -14,12 +14,12 @@ from itertools import pairwise
 import numpy as np
 
 from benchctl.metrology.drift import white_variance
-from benchctl.recordings.model import BenchFacts, StepInfo
+from benchctl.recordings.model import BY_HAND, BenchFacts, StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.signals.reduce import ReducedStep, reduced_steps
 from benchctl.signals.step_reduction import QUIET_KINDS
 
-BREAKS = ("soak", "thermal_ramp", "power_cycle", "mount", "ask", "home")
+BREAKS = ("soak", "thermal_ramp", *BY_HAND)
 LEAST_V2 = 1e-22
 """Lower limit of the variance of a mean; an output whose noise is hidden by the converter's step has no scatter."""
 _PIECES = 20

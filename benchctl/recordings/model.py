@@ -86,14 +86,15 @@ DESCRIPTIONS: Mapping[str, str] = {
     FRAME_COMPENSATED: _SENSED,
     FRAME_COMPENSATED_VALID: _WITHIN,
     **{
-        f"frame_compensated_{axis}_dps": f"sensed rate about the {axis} axis of the housing by the coefficients of the "
-        "unit, that of the table and of the Earth"
-        for axis in ("x", "y", "z")
+        name: f"sensed rate about the {axis} axis of the housing by the coefficients of the unit, that of the table "
+        "and of the Earth"
+        for axis, name in zip("xyz", AXIS_COMPENSATED, strict=True)
     },
 }
 
-_BY_HAND = ("power_cycle", "mount", "ask", "home")
-_POLLED_KINDS = ("soak", *_BY_HAND)
+BY_HAND = ("power_cycle", "mount", "ask", "home")
+"""Kinds of steps that the operator performs, or permits."""
+_POLLED_KINDS = ("soak", *BY_HAND)
 
 
 def axis_of(channel: str) -> Axis:
@@ -146,7 +147,7 @@ class StepInfo:
     @property
     def is_left_out(self) -> bool:
         """Whether no diagnosis may use it: a cut attempt, an operator's step, or a unit not along."""
-        return self.is_cut_attempt or bool(self.mounting) or self.kind in _BY_HAND
+        return self.is_cut_attempt or bool(self.mounting) or self.kind in BY_HAND
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,7 +16,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Protocol, cast
 
-from benchctl.bench import Bench, InstrumentEntry
+from benchctl.bench import Bench
+from benchctl.bench_instruments import InstrumentEntry
 from benchctl.campaign.guard.orders import BEAT, DONE, Orders, Reached
 from benchctl.campaign.reserved import lock_files
 from benchctl.campaign.rest import rest_within_s

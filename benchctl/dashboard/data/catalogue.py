@@ -191,6 +191,12 @@ class Catalogue:
                 path = self._places.get(key)
         return path if path is not None and self._is_inside(path) else None
 
+    def id_of(self, path: Path) -> str:
+        """Return the id of a campaign that has begun just now; the list, which is reused for a while, is made anew."""
+        with self._lock:
+            self._look()
+        return _id_of(path, self._root)
+
     def entry(self, key: str) -> dict[str, Any]:
         """Return the entry of one campaign; `UsageError` for an unknown id."""
         path = self.find(key)
@@ -206,7 +212,7 @@ class Catalogue:
 
     def _look(self) -> None:
         before = dict(self._kept_entries())
-        places = {id_of(path, self._root): path for path in campaigns_below(self._root)}
+        places = {_id_of(path, self._root): path for path in campaigns_below(self._root)}
         give_up_s = time.monotonic() + _PATIENCE_S
         listed, all_read = [], True
         for key, path in sorted(places.items(), key=lambda place: _changed_ns(place[1]), reverse=True):
@@ -261,8 +267,7 @@ class Catalogue:
                 temporary.write_text(text, encoding="ascii")
 
 
-def id_of(path: Path, root: Path) -> str:
-    """Return the id of the campaign at a path below the folder."""
+def _id_of(path: Path, root: Path) -> str:
     return hashlib.sha256(os.fsencode(path.relative_to(root).as_posix())).hexdigest()[:_ID_DIGITS]
 
 

@@ -24,6 +24,7 @@ from benchctl.dashboard.data.run_state import RunState, ends_utc, left_s, planne
 from benchctl.dashboard.data.trails import Trails, Watch
 from benchctl.limits import MOST_JOURNAL_BYTES
 from benchctl.locks import is_held
+from benchctl.recordings.model import BY_HAND
 from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, STEPS
 from benchctl.recordings.step_writer import CLOSING_S_PER_SCAN
 from benchctl_instruments.errors import UsageError
@@ -271,7 +272,6 @@ def _age_s(path: Path) -> float:
 
 _SILENCE_S = 10.0
 """Default for benches that do not state how long their instruments may be silent."""
-_BY_HAND = ("power_cycle", "mount", "ask", "home")
 
 
 def patience_s(state: RunState, readings: Readings, bench: Bench | None) -> float | None:
@@ -281,7 +281,7 @@ def patience_s(state: RunState, readings: Readings, bench: Bench | None) -> floa
     before a step is recorded, while a step's file is rewritten, and while the files are assembled.
     """
     planned = planned_step(state)
-    if state.on_hold or (planned is not None and planned.kind in _BY_HAND):
+    if state.on_hold or (planned is not None and planned.kind in BY_HAND):
         return None
     silence_s = bench.limits.silence_s if bench is not None else _SILENCE_S
     if state.ending:

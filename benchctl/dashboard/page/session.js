@@ -3,7 +3,7 @@
 import { ApiError, change, get, useCsrf } from "./api.js";
 import { el, fill, say } from "./dom.js";
 
-/** The session's role: "operator" may stop a run, "viewer" only looks, "" is nobody; and whether it may start one. */
+/** The session: `role` is "operator", who may stop runs, "viewer", or "" without a session; `mayStart`: may start runs. */
 export const session = { role: "", mayStart: false };
 
 /** Set while there is a session: who has none is asked for a token at once, not after a refusal. */

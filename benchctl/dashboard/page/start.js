@@ -31,7 +31,7 @@ export async function startView(root, { signal }) {
   });
   const who = nameField("who", operator);
   const check = el("button", { type: "submit" }, "Check");
-  const told = el("div", { class: "told", role: "status" });
+  const outcome = el("div", { class: "outcome", role: "status" });
   const start = el("button", { type: "button", class: "main", disabled: true, onclick: begin }, "Start the run");
   const form = el(
     "form",
@@ -42,7 +42,7 @@ export async function startView(root, { signal }) {
     el("div", { class: "row" }, serial, check),
     el("label", { for: "who" }, "Your name"),
     who,
-    told,
+    outcome,
     start,
   );
   let asked = 0;
@@ -51,7 +51,7 @@ export async function startView(root, { signal }) {
   function changed() {
     asked += 1;
     start.disabled = true;
-    fill(told);
+    fill(outcome);
     const chosen = procedures.find(({ name }) => name === procedure.value);
     say(about, [chosen.says, extent(chosen)].filter(Boolean).join(" "));
   }
@@ -62,18 +62,18 @@ export async function startView(root, { signal }) {
     if (!serial.reportValidity()) return;
     changed();
     const number = asked;
-    fill(told, el("p", { class: "how" }, "Checking the plan, and asking the instruments who they are …"));
+    fill(outcome, el("p", { class: "how" }, "Checking the plan and identifying the instruments …"));
     serial.select();
     const found = await answered(() => change("POST", "/api/check", { body: order(), signal }));
     if (!found || number !== asked || signal.aborted) return;
     start.disabled = !found.ready;
-    fill(told, found.ready ? can(found) : cannot("Cannot start.", found.problems));
+    fill(outcome, found.ready ? can(found) : cannot("Cannot start.", found.problems));
   }
 
   async function begin() {
     if (!who.reportValidity()) return;
     for (const one of [start, check]) one.disabled = true;
-    fill(told, el("p", { class: "how" }, "Starting: the instruments are opened …"));
+    fill(outcome, el("p", { class: "how" }, "Starting: opening the instruments …"));
     const body = { ...order(), who: who.value.trim() };
     const started = await answered(() => change("POST", "/api/start", { body }));
     check.disabled = false;
@@ -86,7 +86,7 @@ export async function startView(root, { signal }) {
     } catch (error) {
       if (signal.aborted) return null;
       if (!(error instanceof ApiError)) throw error;
-      fill(told, cannot("Not started.", [error.message]));
+      fill(outcome, cannot("Not started.", [error.message]));
       return null;
     }
   }

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import asdict
 from typing import Any
 
 from fastapi import APIRouter
@@ -12,7 +10,6 @@ from starlette.responses import Response
 from benchctl.app.station import NotStartedError, Station
 from benchctl.campaign.page_operator import NotAskedError, answer_question
 from benchctl.campaign.stop import NotRunningError
-from benchctl.dashboard.data.catalogue import id_of
 from benchctl.dashboard.web.access import Caller, CallerOf, CsrfHeader
 from benchctl.dashboard.web.answers import RefusalError, answer
 from benchctl.dashboard.web.campaign_routes import Key
@@ -23,6 +20,7 @@ from benchctl.dashboard.web.models import (
     CheckOrder,
     Error,
     Released,
+    ReleasedProcedure,
     Started,
     StartOrder,
 )
@@ -31,8 +29,6 @@ from benchctl.dashboard.web.site import Site, SiteOf
 router = APIRouter(
     prefix="/api", tags=["operator"], responses={401: {"model": Error}, 422: {"model": Error}, 503: {"model": Error}}
 )
-_LISTED_AFTER = 20
-"""Tenths of a second after which the list, which is reused for a second, has a new campaign."""
 _change: dict[int | str, dict[str, Any]] = {status: {"model": Error} for status in (400, 403, 404, 409)}
 
 
@@ -41,11 +37,13 @@ async def released(site: SiteOf, caller: CallerOf) -> dict[str, Any]:
     """Return the released procedures; none if the server has no bench."""
     if site.station is None:
         return {"bench": "", "operator": "", "procedures": []}
-    names = ("name", "title", "says", "steps", "bench_time_s", "questions")
     return {
         "bench": site.station.bench.name,
         "operator": site.station.bench.operator,
-        "procedures": [{name: asdict(one)[name] for name in names} for one in site.station.procedures.values()],
+        "procedures": [
+            {name: getattr(one, name) for name in ReleasedProcedure.model_fields}
+            for one in site.station.procedures.values()
+        ],
     }
 
 
@@ -114,12 +112,7 @@ def _checked(station: Station, order: CheckOrder) -> dict[str, Any]:
 
 def _started(site: Site, station: Station, order: StartOrder) -> dict[str, str]:
     folder = station.start(order.procedure, order.serial, order.who)
-    key = id_of(folder, site.root)
-    for _ in range(_LISTED_AFTER):
-        if site.catalogue.find(key) is not None:
-            break
-        time.sleep(0.1)
-    return {"id": key, "name": folder.name}
+    return {"id": site.catalogue.id_of(folder), "name": folder.name}
 
 
 def _identities(found: dict[str, Any]) -> list[dict[str, str]]:

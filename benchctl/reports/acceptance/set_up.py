@@ -160,10 +160,7 @@ def traceability(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue
         (words.label("recording_sha256"), facts.digest),
         (words.label("limits_sha256", file=acceptance.limits_name), acceptance.limits_sha256),
         (words.label("procedure_sha256"), facts.meta.provenance.get("procedure_sha256", "")),
-        (
-            words.label("recorded_with"),
-            _versions(recorded_with),
-        ),
+        (words.label("recorded_with"), _versions(recorded_with)),
         (words.label("judged_with"), _versions({name: software()[name] for name in _JUDGED_WITH})),
     )
     return tuple((name, value) for name, value in rows if value)

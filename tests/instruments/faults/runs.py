@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchctl.bench import Bench, GyroEntry, InstrumentEntry, load_bench
+from benchctl.bench import Bench, load_bench
+from benchctl.bench_instruments import GyroEntry, InstrumentEntry
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import run_campaign
 from benchctl.plan import ConstantRate, Plan, Soak
