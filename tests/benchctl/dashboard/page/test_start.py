@@ -58,7 +58,7 @@ def test_a_unit_is_scanned_checked_started_and_its_question_answered(
         page = seen.page
         begin(page, station)
         start = page.get_by_role("button", name="Start the run")
-        expect(page.locator(".told")).to_contain_text(DOOR)
+        expect(page.locator(".outcome")).to_contain_text(DOOR)
         page.get_by_label("Procedure").select_option("hot")
         expect(start).to_be_disabled()  # what was checked is another procedure
         page.get_by_label("Serial number of the unit").focus()
