@@ -23,7 +23,7 @@ Fault handling:
 | ... before the first packet                           | `LinkError`: the number of missing scans is unknown      |
 | bytes between two packets of the stream               | ignored                                                  |
 | the stream stops                                      | `LinkError`; received scans are kept                     |
-| the encoder's count jumps, or all inputs are frozen   | `InstrumentError`, see `t7_registers.ScanWatch`          |
+| the encoder's count jumps, or all inputs are frozen   | `InstrumentError`, see `scan_watch.ScanWatch`            |
 | the thermistor is at the end of its range             | `InstrumentError`: there is no temperature               |
 | the gyro is at the end of its range                   | recorded unchanged: it may be the true rate              |
 | its crystal drifts                                    | not handled: its counter is the clock of the samples     |
@@ -44,13 +44,8 @@ from collections.abc import Callable
 import numpy as np
 
 from benchctl_instruments.digitizers import t7_registers as reg
-from benchctl_instruments.digitizers.t7_registers import (
-    SCAN_LENGTH,
-    AinCalibration,
-    ScanQueue,
-    ScanWatch,
-    refuse_at_rail,
-)
+from benchctl_instruments.digitizers.scan_watch import ScanWatch, refuse_at_rail
+from benchctl_instruments.digitizers.t7_registers import SCAN_LENGTH, AinCalibration, ScanQueue
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.interfaces import Clock, Identity, Instrument, ScanBlock, SingleScan, StreamStart
 from benchctl_instruments.links.address import parse_address

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from benchctl_instruments.digitizers.t7_registers import ScanWatch, refuse_at_rail
+from benchctl_instruments.digitizers.scan_watch import ScanWatch, refuse_at_rail
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import ScanBlock
 
