@@ -24,7 +24,8 @@ class InstrumentEntry(Table):
     address: str | None = Field(
         default=None,
         description="tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=19200, serial://COM3?baud=9600,"
-        " socket://HOST:PORT for a serial line behind a TCP box, or visa://GPIB0::7::INSTR (needs benchctl[visa]).",
+        " socket://HOST:PORT for a serial line behind a TCP box, visa://GPIB0::7::INSTR (needs benchctl[visa]),"
+        " or daqmx://Dev1 (needs benchctl[daqmx]).",
         examples=["tcp://192.168.1.60:502"],
     )
     serial: str = Field(

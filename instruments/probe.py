@@ -120,8 +120,8 @@ class Probe:
         tell: Callable[[Inquiry], None],
     ) -> None:
         self._address = parse_address(address)
-        if self._address.scheme == "visa":
-            raise UsageError(f"address {address!r}: a VISA resource cannot be probed; state its model in bench.toml")
+        if self._address.scheme in ("visa", "daqmx"):
+            raise UsageError(f"address {address!r}: what it names cannot be probed; state its model in bench.toml")
         self._clock = clock
         self._unit_id = unit_id
         self._timeout_s = timeout_s

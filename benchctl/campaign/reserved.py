@@ -87,12 +87,17 @@ def lock_files(address: str) -> tuple[Path, ...]:
     True
     >>> lock_files("visa://GPIB0::7::INSTR") == lock_files("visa://gpib0::7::instr")
     True
+    >>> lock_files("daqmx://127.0.0.1:31763/Dev1") == lock_files("daqmx://127.0.0.1:31763/Dev2")
+    False
     """
     where = parse_address(address)
     if where.scheme == "serial":
         places = _port(where.device)
     elif where.scheme == "visa":
         places = {f"visa:{where.device.upper()}"}
+    elif where.scheme == "daqmx":
+        hosts = {f"{host}:{where.port}/" for host in _hosts(where.host)} if where.host else {""}
+        places = {f"daqmx:{host}{where.device.upper()}" for host in hosts}
     else:
         places = {f"{host}:{where.port}" for host in _hosts(where.host)}
     return tuple(sorted(lock_folder() / f"{_file_name(place)}.lock" for place in places))

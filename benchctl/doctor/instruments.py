@@ -120,6 +120,10 @@ def _failed(bench: Bench, role: Kind, entry: InstrumentEntry, address: Address, 
         do = "check its power, its address on the bus, and that the VISA of this computer serves that interface"
         yield bad(role, "answer", f"silent: {_first_clause(error)}", f"{do} (pyvisa-info shows it)")
         return
+    if address.scheme == "daqmx":
+        do = "check the device's name and power as NI-DAQmx shows them (NI MAX, or nilsdev on Linux)"
+        yield bad(role, "answer", _first_clause(error), do)
+        return
     reached: Reached | None = None
     if address.scheme in ("tcp", "socket") and not attempt.heard:
         reached = reach(address.host, address.port)

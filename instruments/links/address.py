@@ -1,9 +1,10 @@
-"""Addresses of instruments: `tcp://HOST:PORT`, `serial://DEVICE?baud=N`, `socket://HOST:PORT`, `visa://RESOURCE`.
+"""Addresses of instruments: `tcp://HOST:PORT`, `serial://DEVICE?baud=N`, `socket://HOST:PORT`, `visa://…`, `daqmx://…`.
 
 `tcp://` is a plain TCP connection. `serial://` is a port of this machine (`serial:///dev/ttyUSB0?baud=19200`,
 `serial://COM3?baud=9600`). `socket://` is a serial line at the far end of a TCP connection, opened by pyserial's
 handler of that name: a serial-to-Ethernet box, or a simulated instrument. `visa://` is a resource of VISA, for drivers
-whose instruments answer in lines: `visa://GPIB0::7::INSTR`.
+whose instruments answer in lines: `visa://GPIB0::7::INSTR`. `daqmx://` is a device of NI-DAQmx: `daqmx://Dev1` of this
+computer, `daqmx://HOST:PORT/Dev1` of one with an NI gRPC Device Server.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from urllib.parse import SplitResult, parse_qs, urlsplit
 from benchctl_instruments.errors import LinkError, UsageError
 
 _EXPECTED = (
-    "expected tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=19200, serial://COM3?baud=9600, socket://HOST:PORT or"
-    " visa://GPIB0::7::INSTR"
+    "expected tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=19200, serial://COM3?baud=9600, socket://HOST:PORT,"
+    " visa://GPIB0::7::INSTR or daqmx://Dev1"
 )
 
 
@@ -25,12 +26,12 @@ _EXPECTED = (
 class Address:
     """A parsed address; `str()` returns the original text.
 
-    `host` and `port` are set for tcp and socket, `device` for serial and visa. `baud` is None if the address does not
-    state it.
+    `host` and `port` are set for tcp and socket, `device` for serial and visa; daqmx has a device, and a host if that
+    is on another computer. `baud` is None if the address does not state it.
     """
 
     text: str
-    scheme: Literal["tcp", "serial", "socket", "visa"]
+    scheme: Literal["tcp", "serial", "socket", "visa", "daqmx"]
     host: str = ""
     port: int = 0
     device: str = ""
@@ -62,6 +63,8 @@ def parse_address(text: str) -> Address:
             return _serial_address(text, parts)
         if parts.scheme == "visa":
             return _visa_address(text)
+        if parts.scheme == "daqmx":
+            return _daqmx_address(text, parts)
         if parts.scheme == "tcp":
             return Address(text=text, scheme="tcp", host=_host(parts), port=_port(parts))
         if parts.scheme == "socket":
@@ -99,6 +102,16 @@ def _visa_address(text: str) -> Address:
     if "::" not in device or not device.isprintable() or " " in device:
         raise ValueError("the VISA resource is missing, or is none")
     return Address(text=text, scheme="visa", device=device)
+
+
+def _daqmx_address(text: str, parts: SplitResult) -> Address:
+    remote = parts.path.removeprefix("/")
+    device = remote or parts.netloc
+    if not device.isidentifier():
+        raise ValueError("the name of the device is missing, or is none")
+    if not remote:
+        return Address(text=text, scheme="daqmx", device=device)
+    return Address(text=text, scheme="daqmx", host=_host(parts._replace(path="")), port=_port(parts), device=device)
 
 
 def _serial_address(text: str, parts: SplitResult) -> Address:

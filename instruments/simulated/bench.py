@@ -13,6 +13,7 @@ An address only determines the kind of line to serve: the twin uses its own devi
 | `serial://` | a pseudo-terminal; if the system has none, the same bytes over TCP                          |
 | `tcp://`    | TCP; for a controller that has only a serial line: its bytes over TCP, as behind a server   |
 | `socket://` | of serial ports                                                                             |
+| `daqmx://`  | an NI gRPC Device Server                                                                    |
 """
 
 from __future__ import annotations

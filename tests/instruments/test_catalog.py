@@ -23,7 +23,7 @@ OURS: dict[Kind, tuple[str, ...]] = {
         "weiss_ascii2",
         "weiss_simserv",
     ),
-    "digitizer": ("keithley_daq6510", "keysight_34970a", "keysight_daq970a", "labjack_t7"),
+    "digitizer": ("keithley_daq6510", "keysight_34970a", "keysight_daq970a", "labjack_t7", "ni_daqmx"),
     "gyro": ("kvh_dsp1760", "sensonor_stim300"),
 }
 

@@ -46,6 +46,12 @@ WIRED = [
     ("rate_table", "newport_esp301", {}, BOX),
     ("rate_table", "acutrol3000", {}, "visa://GPIB0::7::INSTR"),
     ("digitizer", "labjack_t7", {"encoder_channel": 6, "gyro_ain": 4, "thermistor_ain": 0}, None),
+    (
+        "digitizer",
+        "ni_daqmx",
+        {"encoder_channel": 1, "gyro_ain": 7, "thermistor_ain": 3, "wiring": "rse"},
+        "daqmx://Dev3",
+    ),
     ("digitizer", "keithley_daq6510", {"gyro_channel": 120, "thermistor_channel": 103}, "tcp://10.0.0.8:5025"),
     ("digitizer", "keysight_34970a", {"gyro_channel": 105, "thermistor_channel": 101}, TTY),
 ]

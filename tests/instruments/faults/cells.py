@@ -55,7 +55,7 @@ def befallen(row: Row, fault: FaultTable) -> Outcome:
         return Outcome(what=IMPOSSIBLE, why=str(err))
     with bench, _repetitions() as repeated:
         options = dict(row.options)
-        if row.kind == "digitizer" and not row.is_slow:
+        if row.has_packets:
             options["stream_address"] = bench.addresses["digitizer_stream"]
         instrument = driver(row.kind, row.model)(bench.addresses[row.kind], clock=clock, **options)
         try:

@@ -54,6 +54,7 @@ LINK_OF: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "keithley_daq6510": {**LINES, "refusal": NEITHER},
     "keysight_34970a": {**LINES, "refusal": NEITHER},
     "keysight_daq970a": {**LINES, "refusal": NEITHER},
+    "ni_daqmx": dict.fromkeys(LINK, NEITHER),  # NI's own wire, which the simulated one does not play faults on
     "labjack_t7": {"CRC error": NEITHER, "restart, 0.1 s": BOTH_STOP},
 }
 

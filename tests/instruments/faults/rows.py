@@ -36,8 +36,13 @@ class Row:
 
     @property
     def is_slow(self) -> bool:
-        """Whether it is a digitizer without an encoder: it has no stream of packets, and does not see what is stuck."""
+        """Whether it is a digitizer without an encoder: it does not see what is stuck."""
         return self.kind == "digitizer" and not counts_encoder(self.model)
+
+    @property
+    def has_packets(self) -> bool:
+        """Whether it is a digitizer with a stream of packets of its own, which faults can befall."""
+        return self.model == "labjack_t7"
 
 
 RTU = {**MODBUS, "pause_s": 0.0}
@@ -83,6 +88,7 @@ ROWS = (
         tells="^10 0f a2",
         options={"timeout_s": TIMEOUT_S, "fastest_counts_per_s": 1e6},
     ),
+    Row(model="ni_daqmx", kind="digitizer", options={"fastest_counts_per_s": 1e6}),
     Row(model="keithley_daq6510", kind="digitizer", asks="^TRAC:ACT", tells="^ABOR;:TRAC:CLE", options=LINES),
     Row(model="keysight_34970a", kind="digitizer", asks="^DATA:POIN", tells="^ABOR;:INIT", options=LINES),
     Row(

@@ -46,7 +46,7 @@ def frame_table() -> Iterator[str]:
 
 def _run_words(row: Row, fault: str, on: str) -> str:
     faults = kinds.STREAM if on.endswith("_stream") else kinds.MACHINE[row.kind]
-    if fault not in faults or row.is_slow or (faults is kinds.STREAM and row.kind != "digitizer"):
+    if fault not in faults or row.is_slow or (faults is kinds.STREAM and not row.has_packets):
         return "-"
     with tempfile.TemporaryDirectory() as folder:
         return _words(run_with(row, faults[fault](on=on), Path(folder) / "c").outcome)

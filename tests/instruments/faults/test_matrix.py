@@ -36,10 +36,7 @@ MACHINE_CELLS = [
     for fault in kinds.MACHINE[row.kind]
 ]
 STREAM_CELLS = [
-    pytest.param(row, fault, id=f"{row}-{fault}")
-    for row in ROWS
-    if row.kind == "digitizer" and not row.is_slow
-    for fault in kinds.STREAM
+    pytest.param(row, fault, id=f"{row}-{fault}") for row in ROWS if row.has_packets for fault in kinds.STREAM
 ]
 
 
