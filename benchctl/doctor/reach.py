@@ -43,6 +43,7 @@ _USUAL_PORTS: dict[str, tuple[int, ...]] = {
     "watlow_f4t": (502,),
     "watlow_f4t_scpi": (5025,),
     "espec_p300": (10001,),
+    "binder_mb1": (10001,),
     "binder_mb2": (10001,),
     "thermotron_8800": (8888,),
     "weiss_simserv": (2049,),

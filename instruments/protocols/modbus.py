@@ -83,7 +83,7 @@ EXCEPTION_WORDS = {
     ILLEGAL_ADDRESS: "illegal data address",
     ILLEGAL_VALUE: "illegal data value",
     DEVICE_FAILURE: "device failure",
-    5: "acknowledged, still busy with it",
+    5: "acknowledged, still busy with it, or write denied",
     6: "device busy",
     8: "memory parity error, or write denied",
     10: "gateway path unavailable",

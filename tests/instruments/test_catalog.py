@@ -10,6 +10,7 @@ from tests.instruments.chambers.lab_controllers import BRAND
 OURS: dict[Kind, tuple[str, ...]] = {
     "rate_table": ("acutrol3000", "aerotech_ensemble", "manual", "newport_esp301"),
     "chamber": (
+        "binder_mb1",
         "binder_mb2",
         "csz_ezt430i",
         "espec_p300",
@@ -49,8 +50,8 @@ def test_every_driver_says_that_it_was_not_tried_on_hardware() -> None:
     [
         ("watlow_f5", "did you mean watlow_f4"),
         ("quantities", "there is no 'quantities'"),
-        ("../etc", "there are binder_mb2, csz_ezt430i, .*watlow_f4t"),
-        ("", "there are binder_mb2, csz_ezt430i, .*watlow_f4t"),
+        ("../etc", "there are binder_mb1, binder_mb2, csz_ezt430i, .*watlow_f4t"),
+        ("", "there are binder_mb1, binder_mb2, csz_ezt430i, .*watlow_f4t"),
     ],
 )
 def test_a_model_that_is_none_is_named_with_those_there_are(model: str, says: str) -> None:

@@ -38,7 +38,7 @@ OURS = [
     pytest.param(kind, model, marks=() if model in QUICK else pytest.mark.slow)
     for kind in KINDS
     for model in our_models(kind)
-    if model != "manual"  # it has no wire
+    if model not in ("manual", "ni_daqmx")  # no wire, and a library's
 ]
 
 
@@ -89,6 +89,11 @@ def test_every_simulated_instrument_is_recognised_and_stays_as_it_was(kind: Kind
     assert all(map(changes_nothing, exchanges))
     assert found[0].address == running.address
     assert found[0].device
+
+
+def test_what_only_a_library_reaches_is_not_probed() -> None:
+    with pytest.raises(UsageError, match=r"'daqmx://Dev1': what it names cannot be probed; state its model in bench"):
+        asked("daqmx://Dev1")
 
 
 @needs_terminals

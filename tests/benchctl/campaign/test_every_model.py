@@ -36,6 +36,7 @@ WIRED = [
     ("chamber", "watlow_f4t_scpi", {"loop": 2, "on_number": 3}, "tcp://10.0.0.7:5025"),
     ("chamber", "eurotherm_2400", {"unit_id": 9}, BOX),
     ("chamber", "binder_mb2", {"unit_id": 11, "word_order": "high_first"}, TTY),
+    ("chamber", "binder_mb1", {"unit_id": 2}, BOX),
     ("chamber", "csz_ezt430i", {"unit_id": 12}, TTY),
     ("chamber", "espec_p300", {}, TTY),
     ("chamber", "espec_p300", {"rs485_address": 3}, TTY),

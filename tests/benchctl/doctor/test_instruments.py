@@ -141,6 +141,7 @@ def test_an_option_of_the_wrong_kind_is_the_inputs_fault_however_late_it_shows()
 @pytest.mark.parametrize(
     ("there", "said"),
     [
+        ("binder_mb1", "binder_mb2"),
         ("binder_mb2", "csz_ezt430i"),
         ("csz_ezt430i", "watlow_f4"),
         ("espec_p300", "watlow_f4t"),

@@ -30,7 +30,7 @@ from tests.instruments.chamber_machine import FakeChamber, InstantClock
 from tests.instruments.chambers.lab_controllers import ACME, BRAND
 from tests.slowness import slowness
 
-SHIPPED = ("binder_mb2", "csz_ezt430i", "eurotherm_2400", "eurotherm_3500")
+SHIPPED = ("binder_mb1", "binder_mb2", "csz_ezt430i", "eurotherm_2400", "eurotherm_3500")
 SMALLEST = """
 name = "N"
 source = "S"

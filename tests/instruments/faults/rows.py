@@ -52,6 +52,7 @@ ROWS = (
     Row(model="watlow_f4t", kind="chamber", asks="^03 0b 04", tells="^10 0a de", options=MODBUS),
     Row(model="eurotherm_2400", kind="chamber", asks="^03 80 02", tells="^10 80 04", options=RTU, like="watlow_f4"),
     Row(model="eurotherm_3500", kind="chamber", asks="^03 01 21", tells="^10 00 18", options=RTU, like="watlow_f4"),
+    Row(model="binder_mb1", kind="chamber", asks="^03 11 a9", tells="^10 15 81", options=RTU, like="watlow_f4"),
     Row(model="binder_mb2", kind="chamber", asks="^03 10 d2", tells="^10 11 4c", options=RTU, like="watlow_f4"),
     Row(model="csz_ezt430i", kind="chamber", asks="^03 00 23", tells="^06 00 24", options=RTU, like="watlow_f4"),
     Row(model="espec_p300", kind="chamber", asks=r"^TEMP\?", tells="^TEMP, S-20", options=LINES, like="acutrol3000"),

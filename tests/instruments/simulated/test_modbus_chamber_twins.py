@@ -13,6 +13,7 @@ from pymodbus.client.mixin import ModbusClientMixin
 
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.simulated.binder_mb1 import SimulatedBinderMb1
 from benchctl_instruments.simulated.binder_mb2 import SimulatedBinderMb2
 from benchctl_instruments.simulated.csz_ezt430i import SimulatedCszEzt430i
 from benchctl_instruments.simulated.eurotherm_2400 import SimulatedEurotherm2400
@@ -219,11 +220,14 @@ def test_the_mb2_refuses_what_its_sources_say(machine: FakeChamber, write_denied
 
 
 @pytest.mark.parametrize(
-    "make", [SimulatedBinderMb2, SimulatedCszEzt430i, SimulatedEurotherm2400, SimulatedEurotherm3500]
+    "make",
+    [SimulatedBinderMb1, SimulatedBinderMb2, SimulatedCszEzt430i, SimulatedEurotherm2400, SimulatedEurotherm3500],
 )
 def test_it_answers_as_the_unit_it_is_told_to_be_over_tcp_too(
     machine: FakeChamber,
-    make: type[SimulatedBinderMb2 | SimulatedCszEzt430i | SimulatedEurotherm2400 | SimulatedEurotherm3500],
+    make: type[
+        SimulatedBinderMb1 | SimulatedBinderMb2 | SimulatedCszEzt430i | SimulatedEurotherm2400 | SimulatedEurotherm3500
+    ],
 ) -> None:
     twin = make(machine, unit_id=9, over_tcp=True)
     with client_of(twin) as client:

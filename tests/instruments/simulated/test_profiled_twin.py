@@ -20,7 +20,7 @@ from benchctl_instruments.simulated.settings import WorldSettings
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 from tests.instruments.chambers.lab_controllers import ACME, BRAND
 
-SHIPPED = ("binder_mb2", "csz_ezt430i", "eurotherm_2400", "eurotherm_3500")
+SHIPPED = ("binder_mb1", "binder_mb2", "csz_ezt430i", "eurotherm_2400", "eurotherm_3500")
 LABS = {"acme": ACME, "brand": BRAND}
 BIT = {"switch": {"by": "bit", "address": 90, "bit": 4, "on": 0}}
 SHOWN_BIT = {"switch": {"by": "bit", "address": 90, "shown": 91, "bit": 4}}

@@ -1,7 +1,8 @@
 """The simulated chambers answer the requests of published clients of the real ones, written down as tables.
 
 The clients need Python 2 or a real port; what they ask, and what they expect, is public: ChamberConnectLibrary of
-EspecNorthAmerica for the Watlow F4 and F4T and the ESPEC P300, P. Tobiska's control of Binder chambers for the MB2,
+EspecNorthAmerica for the Watlow F4 and F4T and the ESPEC P300, ovenctl of ecree-solarflare for the Binder MB1, P.
+Tobiska's control of Binder chambers for both Binders,
 O. Hartbrich's csz_ezt430i for the EZT-430i. The Eurotherms are asked by minimalmodbus itself, with the parameters of
 its own example eurotherm3500.py and of eurotherm2000 in hailegroup/nupylab.
 """
@@ -19,6 +20,7 @@ import pytest
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.simulated.binder_mb1 import SimulatedBinderMb1
 from benchctl_instruments.simulated.binder_mb2 import SimulatedBinderMb2
 from benchctl_instruments.simulated.csz_ezt430i import SimulatedCszEzt430i
 from benchctl_instruments.simulated.espec_p300 import SimulatedEspecP300
@@ -176,6 +178,36 @@ WATLOW_F4T: tuple[Row, ...] = (
     ("nothing", 40000, 1, 2),
 )
 
+BINDER_MB1: tuple[Row, ...] = (
+    ("ovenctl, get_alarm_state", 0x123D, 1, [0]),
+    ("ovenctl, get_alarm_state", 0x123E, 1, [0]),
+    ("ovenctl, get_alarm_text", 0x1228, 20, [0x20] * 20),
+    ("ovenctl, get_mode", 0x1A22, 1, [0]),
+    ("ovenctl, bedew_protection", 0x158B, 1, [0]),
+    ("ovenctl, get_door_state", 0x1007, 1, [0]),
+    ("ovenctl, get_temp", 0x11A9, 2, f4t_single(23.0)),
+    ("ovenctl, get_setpoint", 0x1077, 2, f4t_single(20.0)),
+    ("ovenctl, set_setpoint", 0x1581, f4t_single(60.0), None),
+    ("ovenctl, set_setpoint", 0x156F, f4t_single(60.0), None),
+    ("ovenctl, get_setpoint, of idle mode", 0x1077, 2, f4t_single(60.0)),
+    ("ovenctl, set_mode_active", 0x1A22, [0x0800], None),
+    ("ovenctl, get_mode", 0x1A22, 1, [0x0800]),
+    ("ovenctl, set_oplines", 0x158B, [1], None),
+    ("ovenctl, bedew_protection", 0x158B, 1, [1]),
+    ("ovenctl, set_mode_idle", 0x1A22, [0], None),
+    ("ovenctl, a set point beyond its range", 0x1581, f4t_single(181.0), 3),
+    ("Tobiska, get_humid", 0x11CD, 2, f4t_single(50.0)),
+    ("Tobiska, state_manual", 0x1A22, [0x0800], None),
+    ("Tobiska, start_prog", 0x1A22, [0], None),
+    ("Tobiska, start_prog", 0x1A23, [3], None),
+    ("Tobiska, start_prog", 0x1A22, [0x0400], None),
+    ("Tobiska, get_state", 0x1A22, 1, [0x0400]),
+    ("Tobiska, state_idle", 0x1A22, [0x1000], None),
+    ("Tobiska, get_state", 0x1A22, 1, [0x1000]),
+    ("the set point that is shown cannot be written", 0x1077, f4t_single(60.0), 5),
+    ("nothing", 0x2000, 1, 2),
+)
+
 SEGMENT = 0x3014
 BINDER_MB2: tuple[Row, ...] = (
     ("get_temp", 0x10D2, 2, f4t_single(23.0)),
@@ -274,6 +306,7 @@ def client_of(twin: ModbusRtuServer | SimulatedWatlowF4T) -> Iterator[ModbusSeri
         for model, client in (
             ("watlow_f4", "EspecNorthAmerica/ChamberConnectLibrary"),
             ("watlow_f4t", "EspecNorthAmerica/ChamberConnectLibrary"),
+            ("binder_mb1", "ecree-solarflare/ovenctl, P. Tobiska's control of Binder chambers"),
             ("binder_mb2", "P. Tobiska's control of Binder chambers"),
             ("csz_ezt430i", "O. Hartbrich's csz_ezt430i"),
         )
@@ -285,6 +318,7 @@ def test_a_published_client_gets_the_answers_that_it_expects(model: str) -> None
     twin, rows = {
         "watlow_f4": (SimulatedWatlowF4(machine), WATLOW_F4),
         "watlow_f4t": (SimulatedWatlowF4T(machine, on_by="momentary_key"), WATLOW_F4T),
+        "binder_mb1": (SimulatedBinderMb1(machine), BINDER_MB1),
         "binder_mb2": (SimulatedBinderMb2(machine), BINDER_MB2),
         "csz_ezt430i": (SimulatedCszEzt430i(machine), CSZ_EZT430I),
     }[model]
@@ -391,30 +425,67 @@ def asked_by_minimalmodbus(twin: ModbusRtuServer) -> Iterator[Any]:
             yield instrument
 
 
-@pytest.mark.foreign_client("binder_mb2", "basil binderMK56", "reads and sets, its limits", package="basil-daq")
-def test_basils_binder_mk56_reads_and_sets_the_chamber() -> None:
-    """The MK 56 has an MB2, and basil reads its temperature at 1004h."""
+@contextmanager
+def asked_by_basil(twin: ModbusRtuServer, kind: str) -> Iterator[Any]:
     dut = pytest.importorskip("basil.dut", reason="basil is not installed: pip install basil-daq")
-    machine = FakeChamber()
-    machine.air, machine.on = -12.5, True
-    with SimulatedBinderMb2(machine) as twin:
+    with twin:
         port = twin.address.removeprefix("serial://").partition("?")[0]
         line = {"port": port, "baudrate": 9600, "timeout": 1.0, "read_termination": "", "write_termination": ""}
         limits = {"address": 1, "min_temp": -40, "max_temp": 120}
         bench = dut.Dut(
             {
                 "transfer_layer": [{"name": "serial", "type": "Serial", "init": line}],
-                "hw_drivers": [{"name": "chamber", "type": "binder_mk56", "interface": "serial", "init": limits}],
+                "hw_drivers": [{"name": "chamber", "type": kind, "interface": "serial", "init": limits}],
             }
         )
         bench.init()
-        chamber = bench["chamber"]
+        yield bench["chamber"]
+        bench.close()
+
+
+@pytest.mark.foreign_client("binder_mb2", "basil binderMK56", "reads and sets, its limits", package="basil-daq")
+def test_basils_binder_mk56_reads_and_sets_the_chamber() -> None:
+    """The MK 56 has an MB2, and basil reads its temperature at 1004h."""
+    machine = FakeChamber()
+    machine.air, machine.on = -12.5, True
+    with asked_by_basil(SimulatedBinderMb2(machine), "binder_mk56") as chamber:
         assert (chamber.get_temperature(), chamber.get_temperature_target()) == (-12.5, 20.0)
         chamber.set_temperature(-30.25)
         assert chamber.get_temperature_target() == machine.setpoint == -30.25
         with pytest.raises(RuntimeWarning, match="higher than maximum allowed"):
             chamber.set_temperature(130.0)
-        bench.close()
+
+
+class Checksum(int):
+    """A checksum that equals a tuple of itself: basil's MK 53 compares one with the other, its MK 56 two tuples."""
+
+    def __ne__(self, other: object) -> bool:
+        return int(self) != (other[0] if isinstance(other, tuple) else other)
+
+
+@pytest.mark.foreign_client(
+    "binder_mb1",
+    "basil binderMK53, its check of checksums mended",
+    "reads and sets, modes, door, its limits",
+    package="basil-daq",
+)
+def test_basils_binder_mk53_reads_and_sets_the_chamber(monkeypatch: pytest.MonkeyPatch) -> None:
+    mk53 = pytest.importorskip(
+        "basil.HL.binder_mk53", reason="basil is not installed: pip install basil-daq"
+    ).binderMK53
+    checksum = mk53._calc_crc16
+    monkeypatch.setattr(mk53, "_calc_crc16", lambda self, message: Checksum(checksum(self, message)))
+    machine = FakeChamber()
+    machine.air, machine.on = -12.5, True
+    with asked_by_basil(twin := SimulatedBinderMb1(machine), "binder_mk53") as chamber:
+        assert (chamber.get_temperature(), chamber.get_temperature_target()) == (-12.5, 20.0)
+        assert (chamber.get_mode(), chamber.get_door_open()) == (["manual"], False)
+        chamber.set_temperature(-30.25)
+        assert chamber.get_temperature_target() == machine.setpoint == -30.25
+        twin.mode, twin.door_open = 0, 1
+        assert (chamber.get_mode(), chamber.get_door_open()) == (["idle"], True)
+        with pytest.raises(RuntimeWarning, match="higher than maximum allowed"):
+            chamber.set_temperature(130.0)
 
 
 @pytest.mark.foreign_client(
