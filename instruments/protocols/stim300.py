@@ -17,8 +17,9 @@ sent between measurements:
     | line 1 | gyro axes 4 bits, gyro unit 4 bits | 16 more, of filters and of the other sensors |
 
 Source: vortexntnu stim300-driver, stim300_constants.hpp and datagram_parser.cpp (ids, parts, padding, scales);
-rock-drivers imu_stim300, stim300.hpp (layout, latency, counter). Not tried on hardware. The sources differ on the
-increment of the counter from one datagram to the next, so this module assumes none.
+rock-drivers imu_stim300, stim300.hpp (layout, latency, counter). Not tried on hardware; layout and CRC agree with a
+datagram of a real STIM300 that geirhovland/stim300 shows. The sources differ on the increment of the counter from one
+datagram to the next, so this module assumes none.
 
 Source of the answers: vortexntnu stim300-driver, datagram_parser.cpp and driver_stim300.cpp (configuration);
 cookednoodle pystim300, datagrams.py and client.py (serial number, the letter that asks for it). Not tried on hardware.

@@ -38,6 +38,24 @@ def test_a_datagram_is_encoded_to_the_last_byte() -> None:
     assert stim.encode_frames(0x90, [[0, 0, 0]], counter=0, crlf=True)[-2:] == b"\r\n"
 
 
+REAL = bytes.fromhex(
+    "AF 000124 FFFAD6 00035B 00 FFE7A6 FFDD36 081C52 00 FF7E70 FEBA0C 3FFA1D 00"
+    "23A0 23C0 23A0 00 2319 230A 231C 00 2395 23B6 2395 00 FFEF02 00 E1 01FA"
+)
+REAL_CRC = 3_326_689_990
+
+
+def test_the_checksum_of_a_datagram_of_a_real_stim300_is_right_and_it_is_read() -> None:
+    """geirhovland/stim300, README: the numbers that a STIM300 sent, put into bytes here, and its checksum."""
+    datagram = REAL + REAL_CRC.to_bytes(4, "big") + b"\r\n"
+    row = row_of(datagram, stim.frame_format(0xAF, crlf=True))
+    frames = stim.decode_frames(0xAF, row[np.newaxis])
+    rates_dps = (0.017822265625, -0.0806884765625, 0.05242919921875)
+    assert tuple(frames.gyro[0] * stim.RATE_STEP_DPS) == rates_dps
+    assert tuple(frames.temperature_c[0]) == (35.625, 35.75, 35.625)
+    assert (frames.status[0], frames.counter[0], frames.latency_us[0]) == (0, 225, 506)
+
+
 @pytest.mark.parametrize("datagram_id", IDS)
 @settings(deadline=None)
 @given(
