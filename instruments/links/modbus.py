@@ -305,8 +305,10 @@ class ModbusLink:
         wire_log: WireLog | None = None,
     ) -> None:
         self.address = parse_address(address)
-        if self.address.scheme == "visa":
-            raise UsageError(f"address {address!r}: Modbus has no VISA resource; expected tcp, serial or socket")
+        if self.address.scheme in ("visa", "daqmx"):
+            raise UsageError(
+                f"address {address!r}: Modbus has no {self.address.scheme}; expected tcp, serial or socket"
+            )
         self.wire_log = wire_log if wire_log is not None else WireLog()
         self.who = f"{name} at {self.address}, unit {unit_id}"
         self._unit_id = unit_id

@@ -27,6 +27,7 @@ from benchctl_instruments.interfaces import Identity
 from benchctl_instruments.links.daqmx import OVERRUNS, DaqmxLink
 from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
 from benchctl_instruments.simulated.ni_daqmx import SimulatedNiDaqmx
+from tests.instruments.digitizers.daqmx_c_library import CLibrary
 from tests.instruments.simulated.fake_inputs import FakeInputs
 
 NAMES = ("task", "sessionName", "zidxPhaseRaw", "activeEdgeRaw", "unitsRaw", "fillModeRaw", "arraySizeInSamps")
@@ -108,6 +109,50 @@ def test_count_and_volts_of_a_scan_belong_to_one_instant(digitizer: NiDaqmx, inp
     assert np.array_equal(counts, inputs.counts(times_s) - 7)  # a count begins when the counter's task starts
     assert volts == pytest.approx(inputs.gyro_v(times_s), abs=10.0 / 2**16)
     assert blocks[0].thermistor_v == pytest.approx(0.25, abs=10.0 / 2**16)
+
+
+@pytest.fixture
+def c_library(inputs: FakeInputs, monkeypatch: pytest.MonkeyPatch) -> SimulatedNiDaqmx:
+    """A simulated device that `nidaqmx` reaches as a library of this computer, in place of NI's."""
+    from nidaqmx._lib import lib_importer as importer
+
+    twin = SimulatedNiDaqmx(inputs)
+    library = CLibrary(twin)
+    for name, value in (("_windll", library), ("_cdll", library), ("_encoding", "utf-8")):
+        monkeypatch.setattr(importer, name, value)
+    return twin
+
+
+def test_through_nis_c_interface_on_this_computer_the_same_calls_bring_the_same_scans(
+    c_library: SimulatedNiDaqmx, twin: SimulatedNiDaqmx, inputs: FakeInputs
+) -> None:
+    drivers = [NiDaqmx(address, clock=inputs.clock) for address in ("daqmx://Dev1", twin.address)]
+    for driver in drivers:
+        driver.open()
+        driver.start_stream(500.0)
+    inputs.clock.sleep(1.0)
+    here, there = (driver.read_stream(501, 1.0) for driver in drivers)
+    assert np.array_equal(here.encoder_count, there.encoder_count)
+    assert np.array_equal(here.gyro_v, there.gyro_v)
+    assert np.array_equal(here.thermistor_v, there.thermistor_v)
+    assert np.ptp(here.encoder_count) == 1000
+    identities = [driver.identify() for driver in drivers]
+    assert identities[0] == identities[1]
+    for driver in drivers:
+        driver.close()
+    here_called, there_called = ([name for name, _ in each.calls if name[:3] != "Get"] for each in (c_library, twin))
+    assert here_called == there_called
+
+
+def test_an_overflow_at_nis_c_interface_says_the_same(
+    c_library: SimulatedNiDaqmx, inputs: FakeInputs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ni_daqmx, "BUFFER_SCANS", 1000)
+    with NiDaqmx("daqmx://Dev1", clock=inputs.clock) as digitizer:
+        digitizer.start_stream(500.0)
+        inputs.clock.sleep(3.0)
+        with pytest.raises(InstrumentError, match=r"Dev1: could not read 1501 scans: NI-DAQmx states -200279, the app"):
+            digitizer.read_stream(100, 1.0)
 
 
 def test_the_count_goes_on_between_two_streams_and_single_readings(digitizer: NiDaqmx, inputs: FakeInputs) -> None:

@@ -302,3 +302,9 @@ def test_a_late_answer_shifts_no_answer_to_the_next_question(memory: Memory, ove
         found = [link.read(register) for register in (5, 7, 9)]
         link.close()
     assert found == [[5], [7], [9]]
+
+
+@pytest.mark.parametrize("address", ["visa://GPIB0::7::INSTR", "daqmx://Dev1"])
+def test_an_address_that_carries_no_modbus_is_refused(address: str) -> None:
+    with pytest.raises(UsageError, match=r"Modbus has no (visa|daqmx); expected tcp, serial or socket"):
+        ModbusLink(address)
