@@ -51,6 +51,8 @@ PULSES_PER_REV = 90
 """At X4 a count is then one degree, so that NI-DAQmx returns counts; bench.toml states how many make a turn."""
 SINGLE_HZ = 1000.0  # of the one scan that a single reading takes
 LONGEST_WAIT_S = 0.1
+HANDED_OVER_S = 0.05
+"""Time after the last clock until a device on USB has handed its samples over; an assumption."""
 COUNTER_WRAP = 1 << 32
 WIRINGS = {"default": "DEFAULT", "differential": "DIFF", "rse": "RSE", "nrse": "NRSE"}
 
@@ -210,6 +212,7 @@ class NiDaqmx(Instrument):
         analog = self._task_of_inputs()
         with self._link.doing("stop its scans"):
             analog.stop()
+            self._clock.sleep(HANDED_OVER_S)  # a count that came later would shift the next stream by a scan
             if left := int(self._counter.in_stream.avail_samp_per_chan):
                 self._read_count(left)
 

@@ -165,7 +165,7 @@ def test_the_count_goes_on_between_two_streams_and_single_readings(digitizer: Ni
         seen.append(int(digitizer.read_stream(101, 1.0).encoder_count[-1]))
         inputs.clock.sleep(0.5)  # these scans are discarded
         digitizer.stop_stream()
-    assert seen == [10_000, 11_000, 21_500, 22_500, 33_000, 34_000]
+    assert seen == [10_000, 11_050, 21_600, 22_650, 33_200, 34_250]  # each stop waits for 50 ms
 
 
 def test_a_counter_of_32_bits_that_wraps_is_continued(twin: SimulatedNiDaqmx, inputs: FakeInputs) -> None:
