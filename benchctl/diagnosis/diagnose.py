@@ -93,7 +93,9 @@ def _diagnosis(
     if evident is None:
         chosen, unexplained, notes = _attributed(problem, chosen, rounding_v2=rounding_v2, spikes=spikes, seed=seed)
     else:
-        chosen, unexplained, notes = with_structures(problem, chosen, NOTHING, (), evident=evident, seed=seed)
+        chosen, unexplained, notes = with_structures(
+            problem, chosen, NOTHING, (), searched=chosen, evident=evident, seed=seed
+        )
     chosen = without_nothing(problem, chosen)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit, part) for one in found)
@@ -166,16 +168,16 @@ def _attributed(
     left = named(problem, searched, rounding_v2=rounding_v2, seed=seed)
     dropped = tried - _names(left[0])
     if not dropped or not isinstance(problem, GyroProblem):
-        return with_structures(problem, *left, fallen=dropped, spikes=spikes, seed=seed)
+        return with_structures(problem, *left, searched=searched, spikes=spikes, seed=seed)
     modelled = None
     if not swinging_hz(problem):
-        modelled = with_structures(problem, *left, fallen=dropped, spikes=spikes, seed=seed)
+        modelled = with_structures(problem, *left, searched=searched, spikes=spikes, seed=seed)
         if not names_do_better(problem, searched, modelled[0], seed=seed):
             return modelled
     left = named(problem, searched, rounding_v2=rounding_v2, contested=True, seed=seed)
     if modelled is not None and _names(left[0]) == tried - dropped:
         return modelled
-    return with_structures(problem, *left, fallen=tried - _names(left[0]), spikes=spikes, seed=seed)
+    return with_structures(problem, *left, searched=searched, spikes=spikes, seed=seed)
 
 
 def _names(chosen: Selection) -> set[str]:

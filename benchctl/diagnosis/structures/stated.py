@@ -107,15 +107,15 @@ def with_structures(
     unexplained: Unexplained,
     notes: tuple[str, ...],
     *,
-    fallen: Collection[str] = (),
+    searched: Selection,
     spikes: bool = False,
     evident: Modelled | None = None,
     seed: int,
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """Return the selection with the residual modelled, and the report on it; unchanged if no shape fits.
 
-    Named effects that had `fallen` (dropped because of a residual) are tried again with the structures. If the output
-    has `spikes`, jumps of the encoder's angle are not searched.
+    Named effects of the selection that was `searched`, dropped because of a residual, are tried again with the
+    structures. If the output has `spikes`, jumps of the encoder's angle are not searched.
 
     A small residual attributed to an inexact finding (`notes`) is still a structure if a shape explains it over a
     coordinate along which no finding acts. Jumps of the encoder and noise that is not constant may not be visible in
@@ -123,11 +123,12 @@ def with_structures(
     named effects are tried with it.
     """
     if isinstance(problem, DriveProblem):
-        return _of_torque(problem, chosen, unexplained, notes, seed)
+        return _of_torque(problem, chosen, unexplained, notes, searched, seed)
     if isinstance(problem, ChamberProblem):
         return _of_heat(problem, chosen, unexplained, notes, seed)
     if not isinstance(problem, GyroProblem):
         return chosen, unexplained, notes
+    fallen = set(_identifiers(searched)) - set(_identifiers(chosen))
     chosen, stated, notes = _of_prediction(problem, chosen, unexplained, notes, fallen, spikes, evident, seed)
     noisy = noise_structure(problem, chosen)
     if noisy is None:
@@ -183,10 +184,15 @@ def _of_prediction(
 
 
 def _of_torque(
-    problem: DriveProblem, chosen: Selection, unexplained: Unexplained, notes: tuple[str, ...], seed: int
+    problem: DriveProblem,
+    chosen: Selection,
+    unexplained: Unexplained,
+    notes: tuple[str, ...],
+    searched: Selection,
+    seed: int,
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """Do the same for a drive's torque. Friction can follow many structures, so named effects are searched again."""
-    found = torque_modelled(problem, chosen, left=unexplained.significant, seed=seed)
+    found = torque_modelled(problem, chosen, searched, left=unexplained.significant, seed=seed)
     if found.chosen is chosen:
         return chosen, unexplained, notes
     found = as_one_curve(problem, found, seed)
@@ -196,8 +202,28 @@ def _of_torque(
     bare = reduced(problem, found.chosen, structures_of(found.chosen))
     rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
     if _explained(rest, found.left) < _MOST_OF_IT:
-        return chosen, unexplained, notes
+        restated = _restated(problem, chosen, bare, rest, seed)
+        if restated is None:
+            return chosen, unexplained, notes
+        return restated.chosen, _left_of(restated, unexplained), ()
     return found.chosen, _stated(problem, found, rest, _share(bare, found)), ()
+
+
+def _restated(
+    problem: DriveProblem, chosen: Selection, bare: Selection, rest: ResidualStructure, seed: int
+) -> Modelled | None:
+    """Return the selection `bare` if its new names explain more than remains; None if no name is new.
+
+    `bare` holds names that a residual withdrew from `chosen`; names that explain less than remains are left out again.
+    """
+    while not bare.evidence.keys() <= chosen.evidence.keys():
+        gains = {key: gain_of(bare.after, reduced(problem, bare, {key}).after) for key in bare.evidence}
+        weak = {key for key, gain in gains.items() if key not in chosen.evidence and gain < rest.gain}
+        if not weak or not rest.significant:
+            return Modelled(chosen=bare, structures=(), ties=(), left=rest)
+        bare = reduced(problem, bare, weak)
+        rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
+    return None
 
 
 def _of_heat(
@@ -301,6 +327,10 @@ def _modelled_without(
 def _of_last_direction(found: Modelled) -> bool:
     """Return whether the last direction of rotation explains the complete residual."""
     return not found.left.significant and found.structures[0].over == "last_sign"
+
+
+def _identifiers(chosen: Selection) -> Iterator[str]:
+    return (effect.identifier for effect in chosen.after.point.effects)
 
 
 def _knowing(problem: GyroProblem, names: Collection[str], chosen: Selection) -> GyroProblem:

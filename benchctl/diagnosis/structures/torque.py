@@ -26,16 +26,21 @@ _PURSUED = 2
 """Number of sets of named effects, of those with the best first structure, from which the search continues."""
 
 
-def torque_modelled(problem: DriveProblem, chosen: Selection, *, left: bool, seed: int) -> Modelled:
+def torque_modelled(
+    problem: DriveProblem, chosen: Selection, searched: Selection, *, left: bool, seed: int
+) -> Modelled:
     """Return the best model of a torque: named effects with or without structures.
 
     Structures may be added to the effects or replace those along one coordinate. They must be clearly better than the
     effects alone, or leave no residual where these leave one (`left`). A residual that the model of a named effect may
-    have caused is modelled only over other coordinates.
+    have caused is modelled only over other coordinates. The search also begins from the selection that was `searched`,
+    before a residual withdrew names from it: with a structure these may be right.
     """
     rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
     names = Modelled(chosen=chosen, structures=(), ties=(), left=rest)
     starts: list[tuple[Selection, tuple[DescribedEffect, ...]]] = [(one, ()) for one in _starts(problem, chosen)]
+    if searched.evidence.keys() - chosen.evidence.keys():
+        starts.insert(0, (searched, ()))
     if left:
         starts.append((chosen, ()))
     elif rest.significant:

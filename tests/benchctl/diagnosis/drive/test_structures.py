@@ -130,6 +130,19 @@ def test_report_and_model_file_carry_the_torque_which_is_refused_of_another_part
         read_model(file)
 
 
+@pytest.mark.slow
+def test_friction_that_explains_more_than_an_unknown_load_leaves_is_still_named() -> None:
+    def load(t: float, _angle_deg: float, rate_dps: float) -> float:
+        return 0.03 * math.sin(0.0012 * rate_dps * abs(rate_dps)) + 0.009 * math.sin(0.0004 * t * t)
+
+    truth = Truth(coulomb=0.05, offset=0.006, extra=load)
+    found = diagnose(recording_of(drive_channels(truth, 4, seconds=40.0, rate_hz=100.0)), part="drive")
+    friction, offset = found.findings
+    assert friction.parameters["coulomb_nm"].value == pytest.approx(0.05, rel=0.05)
+    assert offset.parameters["offset_nm"].value == pytest.approx(0.006, rel=0.25)
+    assert "no known effect accounts for it" in found.unexplained.says
+
+
 def test_time_is_counted_in_each_of_two_joined_recordings() -> None:
     runs = [recording_of(drive_channels(Truth(extra=dragging_brake), seed)) for seed in (6, 7)]
     found = diagnose(join(runs), part="drive")
