@@ -91,7 +91,7 @@ def _entry(group: Group, kind: type[DescribedEffect]) -> Entry:
         equation=kind.equation,
         facts=dict(_facts(group, kind)),
         look_alikes=kind.look_alikes,
-        drawing=f"effect:{kind.identifier}",
+        drawing=kind.identifier,
         effect=kind,
         **shared(more),
     )

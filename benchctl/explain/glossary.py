@@ -47,7 +47,7 @@ class Entry:
     also
         Other spellings.
     drawing
-        The name of the picture, see `benchctl.explain.pictures`; empty without a picture.
+        The effect whose picture illustrates the entry; empty without a picture.
     effect
         The class of the effect, from its registry.
     """

@@ -288,7 +288,7 @@ def _allan(scene: Scene, noises: list[tuple[str, str, FloatArray]], v_per_dps: f
     for look, label, volts in noises:
         deviations = _DEG_PER_H / v_per_dps * deviation(volts, factors)
         curves.append(SketchedCurve(x=tau_s, y=deviations, look="on" if look == "on" else "off", label=label))
-    return Panel(x="averaging time τ (s)", y="Allan deviation (°/h)", curves=tuple(curves), logarithmic="xy", share=1.3)
+    return Panel(x="averaging time τ (s)", y="Allan deviation (°/h)", curves=tuple(curves), logarithmic=True, share=1.3)
 
 
 def _spectrum(scene: Scene, noises: list[tuple[str, str, FloatArray]]) -> Panel:
@@ -297,7 +297,7 @@ def _spectrum(scene: Scene, noises: list[tuple[str, str, FloatArray]]) -> Panel:
     for look, label, volts in reversed(noises):
         amplitude = 2.0 * np.abs(np.fft.rfft(volts - volts.mean()))[1:] / volts.size
         curves.append(SketchedCurve(x=frequency, y=1e3 * amplitude, look="on" if look == "on" else "grey", label=label))
-    return Panel(x="frequency (Hz)", y="amplitude (mV)", curves=tuple(curves), logarithmic="xy", share=1.2)
+    return Panel(x="frequency (Hz)", y="amplitude (mV)", curves=tuple(curves), logarithmic=True, share=1.2)
 
 
 def _scatter(scene: Scene, noises: list[tuple[str, str, FloatArray]]) -> Panel:

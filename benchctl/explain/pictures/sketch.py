@@ -10,8 +10,8 @@ from benchctl.explain.glossary import as_written, extra
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 
-Look = Literal["off", "on", "third", "grey", "faint", "off dots", "on dots", "third dots"]
-"""`off` is without the effect, `on` with it; `grey` and `faint` are for the background."""
+Look = Literal["off", "on", "third", "grey", "off dots", "on dots"]
+"""`off` is without the effect, `on` with it; `grey` is for the background."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,55 +25,25 @@ class SketchedCurve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Band:
-    """A named range of x (or of y, if `across`)."""
-
-    low: float
-    high: float
-    label: str
-    look: Literal["good", "open", "bad"]
-    across: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
     """One pair of axes; `share` is its relative height."""
 
     x: str
     y: str
     curves: tuple[SketchedCurve, ...]
-    bands: tuple[Band, ...] = ()
-    marks: tuple[tuple[float, float, str], ...] = ()
-    logarithmic: Literal["", "x", "xy"] = ""
+    logarithmic: bool = False
     zero: bool = False
     share: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sketch:
-    """A complete picture; `difference`, shape (n,), is the change due to the effect, if it shows one."""
+    """A complete picture; `difference`, shape (n,), is the change due to the effect."""
 
     title: str
     caption: str
     panels: tuple[Panel, ...]
-    difference: FloatArray | None = None
-
-
-def one_panel(
-    title: str,
-    caption: str,
-    *curves: SketchedCurve,
-    x: str,
-    y: str,
-    bands: tuple[Band, ...] = (),
-    marks: tuple[tuple[float, float, str], ...] = (),
-    logarithmic: Literal["", "x", "xy"] = "",
-    zero: bool = False,
-    share: float = 1.5,
-) -> Sketch:
-    """Return a picture with a single pair of axes."""
-    panel = Panel(x=x, y=y, curves=curves, bands=bands, marks=marks, logarithmic=logarithmic, zero=zero, share=share)
-    return Sketch(title=title, caption=caption, panels=(panel,))
+    difference: FloatArray
 
 
 def compared(x: FloatArray, x_label: str, off: FloatArray, on: FloatArray, y: str, *, difference: str) -> list[Panel]:
