@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -14,22 +15,23 @@ from benchctl.campaign.check import as_event, expiring, refuse_problems
 from benchctl.campaign.differences import refuse_other_instruments
 from benchctl.campaign.guard.keeper import Guard, NoGuard
 from benchctl.campaign.opened import OpenBench
-from benchctl.campaign.operator import require_operator
+from benchctl.campaign.operator import require_operator, say, turn_question
 from benchctl.campaign.page_operator import PageOperator
-from benchctl.campaign.play import StepPlayer, hold_if_asked, switch_on
+from benchctl.campaign.play import StepPlayer, await_operator, hold_if_asked, switch_on
 from benchctl.campaign.provenance import describe, software
+from benchctl.campaign.rest import AT_REST_DPS
 from benchctl.campaign.resume import Past, soak_before, steps_to_play, whole_steps
 from benchctl.campaign.safety import SafeState, Supervisor, bring_to_rest, refuse_bench_in_use
 from benchctl.campaign.stop import StoppedError, StopRequest
 from benchctl.campaign.stream import StepError
 from benchctl.campaign.timing import plan_events, timeline
-from benchctl.campaign.turning import turned_by_operator
 from benchctl.plan import Plan, Step, ThermalRamp
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.model import Status
-from benchctl_instruments.errors import BenchError, SafetyError, UsageError
+from benchctl_instruments.errors import BenchError, InstrumentError, SafetyError, UsageError
 from benchctl_instruments.interfaces import TableLimits
 from benchctl_instruments.links.wirelog import logger
+from benchctl_instruments.rate_tables.manual import ManualTable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -354,3 +356,53 @@ def _recoveries_told(event: Callable[..., None]) -> Iterator[None]:
         yield
     finally:
         logger.removeHandler(teller)
+
+
+ATTEMPTS = 3
+"""Number of prompts for a rate that the encoder does not show."""
+
+PATIENCE_CHUNKS = 40
+"""Time after an answer until the encoder shows the rate, in chunks of the clock: 20 s if bench time is wall time."""
+
+
+@contextmanager
+def turned_by_operator(player: StepPlayer) -> Iterator[None]:
+    """Send the commands of a manual table to the operator of the campaign while the block runs."""
+    table = player.opened.table
+    if not isinstance(table, ManualTable):
+        yield
+        return
+    unsupervised = table.operator
+    table.operator = lambda rate_dps: await_turn(player, rate_dps)
+    try:
+        yield
+    finally:
+        table.operator = unsupervised
+
+
+def await_turn(player: StepPlayer, rate_dps: float) -> None:
+    """Have the operator set a rate, or stop the table (0), until the encoder shows it.
+
+    Raises
+    ------
+    InstrumentError
+        The encoder shows another rate after `ATTEMPTS` questions.
+    """
+    clock, limits = player.opened.clock, player.opened.bench.limits
+    tolerance_dps = limits.motion_tolerance_dps(rate_dps) if rate_dps else AT_REST_DPS
+    expected, shown_dps = f"{rate_dps:+g} ± {tolerance_dps:.3g} deg/s", math.nan
+    for attempt in range(ATTEMPTS):
+        if attempt:
+            say(f"the encoder shows {shown_dps:+.3f} deg/s, expected {expected}")
+        await_operator(player, turn_question(rate_dps), lambda who, meanwhile: who.turn(rate_dps, meanwhile))
+        for _ in range(PATIENCE_CHUNKS):
+            player.wait(clock.chunk_s)
+            shown_dps = motion.rate_dps if (motion := player.supervisor.motion) else math.nan
+            if abs(shown_dps - rate_dps) <= tolerance_dps:
+                return
+            player.notify(f"waiting until the encoder shows {expected}")
+    raise InstrumentError(
+        f"rate_table: prompted {ATTEMPTS} times to {turn_question(rate_dps)}; the encoder shows {shown_dps:+.3f} "
+        f"deg/s, expected {expected}; look at the table, at encoder_counts_per_rev and encoder_sign in [digitizer], "
+        "and at limits.motion_error_percent"
+    )

@@ -7,7 +7,7 @@ import pytest
 
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chain import run_chain
-from benchctl_instruments.physics.effect_contract.motion import sampled
+from benchctl_instruments.physics.effect_contract.behaviour import sampled
 from benchctl_instruments.physics.response_gyro import ResponseParameters, response_baseline, response_v
 
 LAB: dict[str, Any] = {

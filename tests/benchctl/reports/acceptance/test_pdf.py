@@ -12,7 +12,7 @@ from benchctl.metrology.result import Judged, Measured, Papers
 from benchctl.recordings.model import Unit
 from benchctl.reports.acceptance.build import report_of
 from benchctl.reports.acceptance.catalogue import LANGUAGES, catalogue
-from benchctl.reports.acceptance.pdf import pdf
+from benchctl.reports.acceptance.write import pdf
 from tests.benchctl.reports.acceptance.example import HOSTILE, acceptance, facts, report
 
 A4_PT = (595.28, 841.89)

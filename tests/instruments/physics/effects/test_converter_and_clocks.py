@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl_instruments.physics.effect_contract.motion import sampled
+from benchctl_instruments.physics.effect_contract.behaviour import sampled
 from benchctl_instruments.physics.effects.adc_coarse import AdcCoarse
 from benchctl_instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
 from benchctl_instruments.physics.effects.clock_drift import ClockDrift

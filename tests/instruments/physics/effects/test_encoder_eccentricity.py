@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl_instruments.physics.effect_contract.motion import sampled
+from benchctl_instruments.physics.effect_contract.behaviour import sampled
 from benchctl_instruments.physics.effects.encoder_eccentricity import EncoderEccentricity
 
 

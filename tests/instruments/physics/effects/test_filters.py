@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from benchctl_instruments.physics.effect_contract.motion import sampled
+from benchctl_instruments.physics.effect_contract.behaviour import sampled
 from benchctl_instruments.physics.effects.mount_resonance import MountResonance
 from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals
-from benchctl_instruments.physics.effect_contract.motion import sampled
+from benchctl_instruments.physics.effect_contract.behaviour import sampled
 from benchctl_instruments.physics.effects.bias_random_walk import BiasRandomWalk
 from benchctl_instruments.physics.effects.draws import normals
 from benchctl_instruments.physics.effects.dropouts import Dropouts

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchctl_instruments.arrays import FloatArray
-from benchctl_instruments.physics.effect_contract.motion import at
+from benchctl_instruments.physics.effect_contract.behaviour import at
 from benchctl_instruments.physics.effects.angular_acceleration import AngularAcceleration
 from benchctl_instruments.physics.effects.bias_temperature_rate import BiasTemperatureRate
 from benchctl_instruments.physics.effects.dead_zone import DeadZone

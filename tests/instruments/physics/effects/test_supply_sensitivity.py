@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl_instruments.physics.effect_contract.motion import at
+from benchctl_instruments.physics.effect_contract.behaviour import at
 from benchctl_instruments.physics.effects.supply_sensitivity import SupplySensitivity
 
 SENSITIVE = SupplySensitivity(fraction_per_v=0.01, v_per_v=0.002)

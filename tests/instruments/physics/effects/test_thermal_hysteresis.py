@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from benchctl_instruments.arrays import FloatArray
-from benchctl_instruments.physics.effect_contract.motion import at
+from benchctl_instruments.physics.effect_contract.behaviour import at
 from benchctl_instruments.physics.effects.thermal_hysteresis import ThermalHysteresis, play
 
 temperatures = hnp.arrays(np.float64, st.integers(1, 90), elements=st.floats(-50.0, 80.0, width=32))

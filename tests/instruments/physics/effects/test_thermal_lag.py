@@ -7,7 +7,7 @@ import pytest
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals
-from benchctl_instruments.physics.effect_contract.motion import at
+from benchctl_instruments.physics.effect_contract.behaviour import at
 from benchctl_instruments.physics.effects.thermal_lag import ThermalLag
 
 TAU_S = 300.0
