@@ -101,6 +101,11 @@ class DigitizerEntry(InstrumentEntry):
         return value
 
     @property
+    def degrees_per_count(self) -> float:
+        """The table's angle by one count of its encoder, with the encoder's sign."""
+        return self.encoder_sign * 360.0 / self.encoder_counts_per_rev
+
+    @property
     def adc_step_v(self) -> float:
         """The quantization step of the converter."""
         return 2.0 * self.adc_range_v / 2.0**self.adc_bits

@@ -122,10 +122,10 @@ _GAP = 2
 def lines(acceptance: Acceptance, language: str = "en") -> str:
     """Return a line per test with name, value ± U, limit and verdict; only the last may exceed 120 characters."""
     words = catalogue(language)
-    names = [_plain(words.test(one.measured.name).name) for one in acceptance.judged]
+    names = [plain(words.test(one.measured.name).name) for one in acceptance.judged]
     columns = [
-        [_plain(stated(one.measured, words)) for one in acceptance.judged],
-        [_plain(limits(one.limit, words, unit=False)) for one in acceptance.judged],
+        [plain(stated(one.measured, words)) for one in acceptance.judged],
+        [plain(limits(one.limit, words, unit=False)) for one in acceptance.judged],
         [verdict_of(one, words) for one in acceptance.judged],
     ]
     widths = [max(map(len, column), default=0) for column in columns]
@@ -140,6 +140,6 @@ def lines(acceptance: Acceptance, language: str = "en") -> str:
     return "\n".join([*rows, f"{verdict}. {tally(acceptance, words)}"])
 
 
-def _plain(cell: str) -> str:
+def plain(cell: str) -> str:
     """Return the text with only printable characters, whitespace replaced by spaces."""
     return "".join(" " if one.isspace() else one for one in cell if not unicodedata.category(one).startswith("C"))

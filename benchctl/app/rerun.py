@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-from benchctl.app.accept import Accepted
+from benchctl.app.accept import Accepted, plain
 from benchctl.atomic import whole_file
 from benchctl.campaign.differences import Differences, changed, differences
 from benchctl.campaign.provenance import table_of
@@ -278,7 +277,7 @@ _HEADINGS = ("test", "E_n", "", "first ± U", "again ± U", "difference ± U")
 def lines(rerun: Rerun) -> str:
     """Return the lines on the runs, groups and tests, and the summary; none is wider than 120 characters."""
     rows = [*_of_the_runs(rerun), *_of_groups(rerun), "", *_of_tests(rerun), *_in_short(rerun)]
-    return "\n".join(cut(_plain(line), _WIDEST) for line in rows)
+    return "\n".join(cut(plain(line), _WIDEST) for line in rows)
 
 
 def _of_the_runs(rerun: Rerun) -> Iterator[str]:
@@ -324,7 +323,7 @@ def _row(one: Compared, words: Catalogue) -> tuple[str, ...]:
         stated(one.again.measured, words, unit=False),
         difference,
     )
-    return tuple(map(_plain, cells))
+    return tuple(map(plain, cells))
 
 
 def _in_short(rerun: Rerun) -> Iterator[str]:
@@ -343,8 +342,3 @@ def _in_short(rerun: Rerun) -> Iterator[str]:
     before, now = rerun.verdicts
     why = f": {rerun.accepted.fails}" if rerun.accepted.fails else ""
     yield f"{now} again{why}" if now == before else f"{now}, was {before}{why}"
-
-
-def _plain(line: str) -> str:
-    """Return the text with only printable characters, whitespace replaced by spaces."""
-    return "".join(" " if one.isspace() else one for one in line if not unicodedata.category(one).startswith("C"))

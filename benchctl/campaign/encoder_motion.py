@@ -38,7 +38,7 @@ class MeanRates:
     """
 
     def __init__(self, bench: Bench, rate_hz: float, window_scans: float) -> None:
-        self._per_s = _degrees_per_count(bench) * rate_hz
+        self._per_s = bench.digitizer.degrees_per_count * rate_hz
         self._window = window_scans
         self._windows = self._next_index = 0
         self._edge, self._edge_count = -1, math.nan  # where the last window ended
@@ -75,7 +75,7 @@ class EncoderMotion:
     """
 
     def __init__(self, bench: Bench, rate_hz: float) -> None:
-        self._degrees_per_count, self._rate_hz = _degrees_per_count(bench), rate_hz
+        self._degrees_per_count, self._rate_hz = bench.digitizer.degrees_per_count, rate_hz
         longer_s = math.sqrt(4.0 * _error_deg(bench) / (ERROR_SHARE * bench.limits.acceleration_dps2))
         self._rates = MeanRates(bench, rate_hz, max(1, round(LOOK_S * rate_hz)))
         self._stride = max(1, math.ceil(max(LOOK_S, longer_s) * rate_hz))
@@ -177,9 +177,5 @@ def demand_of(step: Step) -> tuple[float, float, float]:
     return (step.rate_dps if isinstance(step, ConstantRate | ThermalRamp) else 0.0), 0.0, 0.0
 
 
-def _degrees_per_count(bench: Bench) -> float:
-    return bench.digitizer.encoder_sign * 360.0 / bench.digitizer.encoder_counts_per_rev
-
-
 def _error_deg(bench: Bench) -> float:
-    return max(0.5 * abs(_degrees_per_count(bench)), bench.digitizer.encoder_accuracy_arcsec / 3600.0)
+    return max(0.5 * abs(bench.digitizer.degrees_per_count), bench.digitizer.encoder_accuracy_arcsec / 3600.0)

@@ -223,18 +223,14 @@ def drivers_at(bench: Bench, clock: Clock, addresses: Mapping[str, str]) -> dict
         return found | _turned_by_hand(bench, clock, found["digitizer"])
     if not counts_encoder(bench.digitizer.model):
         found["digitizer"] = TableAngleDigitizer(
-            found["digitizer"], found["rate_table"], clock=clock, degrees_per_count=_degrees_per_count(bench)
+            found["digitizer"], found["rate_table"], clock=clock, degrees_per_count=bench.digitizer.degrees_per_count
         )
     return found
 
 
-def _degrees_per_count(bench: Bench) -> float:
-    return bench.digitizer.encoder_sign * 360.0 / bench.digitizer.encoder_counts_per_rev
-
-
 def _turned_by_hand(bench: Bench, clock: Clock, digitizer: Digitizer) -> dict[str, Any]:
     """Return the driver of a manual table, and the digitizer that measures its motion."""
-    watched = WatchedDigitizer(digitizer, clock=clock, degrees_per_count=_degrees_per_count(bench))
+    watched = WatchedDigitizer(digitizer, clock=clock, degrees_per_count=bench.digitizer.degrees_per_count)
     table = _driver("rate_table", bench.rate_table, clock, {}, {"encoder": watched})
     return {"rate_table": table, "digitizer": watched}
 

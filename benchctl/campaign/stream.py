@@ -164,7 +164,7 @@ class StreamRecorder:
         self._next_index = 0
         self._silent = False
         self.t_start = self.t_end
-        self._degrees_per_count = entry.encoder_sign * 360.0 / entry.encoder_counts_per_rev
+        self._degrees_per_count = entry.degrees_per_count
         self._motion = EncoderMotion(opened.bench, self._stream.rate_hz)
         self._held = HeldMotion(opened.bench, step, self._stream.rate_hz)
         self._gyro_celsius = entry.gyro_celsius
