@@ -18,7 +18,7 @@ from benchctl_instruments.interfaces import Clock
 from benchctl_instruments.links.serial_port import ByteLink
 from benchctl_instruments.links.tcp import LinkCutError
 from benchctl_instruments.links.wirelog import note_recovered
-from benchctl_instruments.protocols.lines import LineCutter, encode_line
+from benchctl_instruments.protocols.lines import NOT_PRINTING, LineCutter, encode_line
 
 QUIET_S = 0.1  # wall time
 MAX_TEXT = 65536
@@ -37,7 +37,8 @@ class Manners:
 
     `sent_end` is appended to each sent line, `answer_end` ends an answer (None: CR, LF or both). `timeout_s` is the
     timeout, in wall time, of a connection and of a complete answer; the line stays quiet for `pause_s` of bench time
-    between two exchanges. If `commands_answered` is false, only queries are answered.
+    between two exchanges. If `commands_answered` is false, only queries are answered. `trimmed` are the bytes that are
+    dropped before and after an answer, `advice` is what to do if none arrives.
     """
 
     sent_end: bytes = b"\r\n"
@@ -46,6 +47,8 @@ class Manners:
     timeout_s: float = 1.0
     pause_s: float = 0.0
     commands_answered: bool = True
+    trimmed: bytes = NOT_PRINTING
+    advice: str = ADVICE
 
 
 class LineDialogue:
@@ -102,6 +105,11 @@ class LineDialogue:
         receive = partial(self._receive, None) if self._manners.commands_answered else None
         return self._exchange(command, receive=receive, attempts=2 if repeatable else 1)
 
+    def give_up(self, why: str) -> None:
+        """Close the connection; the next exchange opens a new one, so that no late answer is taken for its own."""
+        with self._lock:
+            self._give_up(why)
+
     def last_heard(self) -> str:
         """Return the last traffic on the line, for an error message."""
         return f"last on the wire: {self._link.wire_log.tail(3)}"
@@ -134,7 +142,7 @@ class LineDialogue:
         except NoAnswerError as err:
             self._give_up("given up: no answer in time")
             raise NoAnswerError(
-                f"{self.who}: sent {text!r}, no answer within {self._manners.timeout_s:g} s; {ADVICE};"
+                f"{self.who}: sent {text!r}, no answer within {self._manners.timeout_s:g} s; {self._manners.advice};"
                 f" {self.last_heard()}"
             ) from err
         except LinkError as err:
@@ -185,7 +193,7 @@ class LineDialogue:
         return "\n".join(texts)
 
     def _cutter(self) -> LineCutter:
-        return LineCutter(self._manners.answer_end, encoding=self._manners.encoding)
+        return LineCutter(self._manners.answer_end, trimmed=self._manners.trimmed, encoding=self._manners.encoding)
 
     def _give_up(self, why: str) -> None:
         self._link.cut(why)

@@ -21,10 +21,7 @@ question mark may be missing; a blank may precede a colon, or separate arguments
 with `:` or `*` starts at the root again.
 
 Assumptions without a source: a reply ends with LF, optionally preceded by CR; any answer to a command other than OK is
-a refusal. The meaning of the header is unknown, so it is kept and not interpreted.
-
-Accepted input: replies and requests split into packets at any byte, several in one packet, empty lines, CR LF or LF. A
-line longer than `lines.MAX_LINE` bytes or shorter than the header ends the dialogue: the other side is not an ACUTROL.
+a refusal. The meaning of the header is unknown, so it is dropped. Accepted input is that of `protocols.lines`.
 """
 
 from __future__ import annotations
@@ -34,10 +31,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from benchctl_instruments.errors import InstrumentError, UsageError
-from benchctl_instruments.protocols.lines import LineCutter
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.protocols.lines import MOST_SHOWN, UnreadableError
 
 HEADER_LENGTH = 8
+OK = "OK"
+"""The data of a reply that acknowledges a command, in upper case."""
+AROUND = b"\r\n"
+"""The bytes that are dropped before and after a reply; blanks may belong to its header."""
 
 TREE: Mapping[str, tuple[str, ...]] = {
     "read": ("position", "rate", "acceleration"),
@@ -53,19 +54,6 @@ _BLANK_COLON = re.compile(r"\s+:")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reply:
-    """One line from the controller: its header, uninterpreted, and the following text, stripped of blanks."""
-
-    header: str
-    data: str
-
-    @property
-    def ok(self) -> bool:
-        """Whether it acknowledges a command."""
-        return self.data.upper() == "OK"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class AclCommand:
     """One command with full names: `path` ("read", "position"), ("mode",) or ("*stb",); `arguments` without blanks."""
 
@@ -74,45 +62,17 @@ class AclCommand:
     arguments: tuple[str, ...] = ()
 
 
-class AclLines:
-    """Split a byte stream into lines without their ends; raises `InstrumentError` as `LineCutter` does."""
+def reply_data(line: str, *, header_length: int = HEADER_LENGTH) -> str:
+    """Return the data of a reply without blanks around them; on GPIB `header_length` is 0.
 
-    def __init__(self, terminator: bytes = b"\n") -> None:
-        self._cutter = LineCutter(terminator, trimmed=b"\r\n")  # a header may begin with blanks
-
-    def feed(self, data: bytes) -> list[str]:
-        """Return the lines that are now complete, without empty ones; bytes that are not ASCII become escapes."""
-        try:
-            return self._cutter.feed(data)
-        except InstrumentError as err:
-            raise InstrumentError(f"{err}: this is not ACL") from err
-
-
-class ReplyReader:
-    """Split the controller's bytes into replies, on the client's side; on GPIB `header_length` is 0."""
-
-    def __init__(self, terminator: bytes = b"\n", *, header_length: int = HEADER_LENGTH) -> None:
-        self._lines = AclLines(terminator)
-        self._header_length = header_length
-
-    def feed(self, data: bytes) -> list[Reply]:
-        """Return the replies that are now complete; raises `InstrumentError` for an invalid reply."""
-        return [self._reply(line) for line in self._lines.feed(data)]
-
-    def _reply(self, line: str) -> Reply:
-        length = self._header_length
-        if len(line) < length:
-            raise InstrumentError(
-                f"a reply of {len(line)} characters, {line!r}, is shorter than ACL's header of {length}"
-            )
-        return Reply(header=line[:length], data=line[length:].strip())
-
-
-def encode(command: str) -> bytes:
-    """Return a command line as bytes; raises `UsageError` if it is not one line of ASCII."""
-    if not command.isascii() or not command.isprintable() or not command.strip():
-        raise UsageError(f"{command!r} is not one line of printable ASCII, which an ACL command is")
-    return command.encode("ascii") + b"\r\n"
+    Raises `UnreadableError` if the line has bytes that are not ASCII, which are escapes in it, or is shorter than the
+    header.
+    """
+    if "\\x" in line:
+        raise UnreadableError(f"expected ASCII, got {line[:MOST_SHOWN]!r}")
+    if len(line) < header_length:
+        raise UnreadableError(f"expected a header of {header_length} characters and data, got {line!r}")
+    return line[header_length:].strip()
 
 
 def encode_reply(header: str, data: str) -> bytes:

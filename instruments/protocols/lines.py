@@ -20,7 +20,7 @@ _NUMBER = re.compile(r"[+-]?([0-9]{1,20}(\.[0-9]{0,20})?|\.[0-9]{1,20})([eE][+-]
 
 _ANY_END = re.compile(rb"[\r\n]")
 _PRINTING = bytes(range(0x21, 0x7F))
-_NOT_PRINTING = bytes(set(range(256)) - set(_PRINTING))  # includes blanks
+NOT_PRINTING = bytes(set(range(256)) - set(_PRINTING))  # includes blanks
 
 
 class UnreadableError(InstrumentError):
@@ -40,7 +40,7 @@ class LineCutter:
         Of the text; bytes that it does not have become escapes.
     """
 
-    def __init__(self, end: bytes | None = b"\n", *, trimmed: bytes = _NOT_PRINTING, encoding: str = "ascii") -> None:
+    def __init__(self, end: bytes | None = b"\n", *, trimmed: bytes = NOT_PRINTING, encoding: str = "ascii") -> None:
         self._end = end
         self._trimmed = trimmed
         self._encoding = encoding

@@ -16,7 +16,7 @@ Every write is read back. That `:dem:pos?` answers with the demand is known; tha
 inferred from it. With `demand_queries=False` the three are not used: a demand is then confirmed by its acknowledgement
 and by the mode.
 
-Fault handling: link faults as in `AclDialogue`; a move by an angle and the reset of the interlock are never repeated.
+Fault handling: link faults as in `AxisDialogue`; a move by an angle and the reset of the interlock are never repeated.
 In addition:
 
 | fault                                          | handling                                                         |
@@ -33,21 +33,23 @@ from __future__ import annotations
 
 import math
 import threading
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import TypeVar
 
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.interfaces import Clock, Identity, Instrument, TableLimits, TableReading, TableState
-from benchctl_instruments.links.address import parse_address
-from benchctl_instruments.links.serial_port import ByteLink
-from benchctl_instruments.links.tcp import LinkCutError, Reconnect, TcpLink
-from benchctl_instruments.links.visa import VisaLink
-from benchctl_instruments.links.wirelog import WireLog, note_recovered
-from benchctl_instruments.protocols.acl import HEADER_LENGTH, Reply, ReplyReader, encode
-from benchctl_instruments.protocols.lines import MOST_SHOWN, parse_number
+from benchctl_instruments.links.lines import LineDialogue, Manners
+from benchctl_instruments.links.serial_port import ByteLink, byte_link
+from benchctl_instruments.links.tcp import Reconnect
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols.acl import AROUND, HEADER_LENGTH, OK, reply_data
+from benchctl_instruments.protocols.lines import MOST_SHOWN, UnreadableError, parse_number
+from benchctl_instruments.rate_tables.constant_rate_table import AxisDialogue
 from benchctl_instruments.recognition import ByLine
+
+Parsed = TypeVar("Parsed")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,30 +67,19 @@ class Setting:
     turn: float = math.inf
 
 
-class AclDialogue:
-    """A dialogue with one axis of a controller; all exchanges are thread-safe.
+class AclDialogue(AxisDialogue):
+    """An `AxisDialogue` in which every line is answered; on GPIB only queries are.
 
-    | fault                                             | handling                                                   |
-    |---------------------------------------------------|------------------------------------------------------------|
-    | no reply, a late one, half of one, a cut link     | repeated once on a new connection; then `LinkError`        |
-    | junk before or in a reply, an invalid reply       | repeated once on a new connection; then `InstrumentError`  |
-    | junk behind a reply                               | discarded                                                  |
-    | a reply in pieces                                 | assembled                                                  |
-    | the controller restarts                           | reconnected; it then reports that it is disabled           |
-    | a refusal                                         | `InstrumentError`, with the fault that it reports          |
-
-    Commands are repeated too, because they state a value and not a change, except those sent with `once`. After any
-    failure the connection is closed, so that a late reply is never taken for the answer to the next question. ACL has
-    no checksum: junk that consists of digits, next to or in a number, is not detected.
+    Commands are repeated too, since they set a value and not a change, except those sent with `once`. After an
+    unreadable reply the connection is closed, as it is after a missing one. ACL has no checksum: junk that consists of
+    digits, next to or in a number, is not detected.
 
     Parameters
     ----------
-    name
-        The name of the instrument in error messages.
     link
         The link; the dialogue opens and closes it.
     axis
-        Replaces `{axis}` in commands and queries.
+        The controller's number of the axis.
     timeout_s
         Timeout of a connection and of a complete reply; wall time.
     terminator
@@ -99,66 +90,55 @@ class AclDialogue:
 
     def __init__(
         self,
-        name: str,
         link: ByteLink,
         *,
         axis: int,
         timeout_s: float,
+        clock: Clock,
         terminator: bytes,
         explain: Callable[[], str],
     ) -> None:
-        self._name = name
-        self._link = link
-        self._axis = axis
-        self._timeout_s = timeout_s
-        self._terminator = terminator
-        self._explain = explain
         self._on_gpib = link.address.is_gpib
-        self._lock = threading.Lock()
-
-    def open(self) -> None:
-        """Connect."""
-        try:
-            with self._lock:
-                self._link.open(self._timeout_s)
-        except LinkError as err:
-            raise LinkError(f"{self._name}: {self._link.address.left_out(err)}") from err
-
-    def close(self) -> None:
-        """Close the link after any running exchange; safe to call twice, and never raises."""
-        with self._lock:
-            self._link.close()
-
-    def ask(self, query: str) -> str:
-        """Return the reply to a query."""
-        text = query.format(axis=self._axis)
-        with self._lock:
-            return self._exchange(text).data
+        manners = Manners(
+            answer_end=terminator,
+            timeout_s=timeout_s,
+            commands_answered=not self._on_gpib,
+            trimmed=AROUND,
+            advice="check that the controller is in remote mode and that nobody else holds its link",
+        )
+        super().__init__(LineDialogue("rate table", link, manners=manners, clock=clock), axis=axis)
+        self._explain = explain
+        self._lock = threading.RLock()  # on GPIB a command and its status belong together
 
     def numbers(self, query: str, count: int, parted_by: str = ",") -> tuple[float, ...]:
         """Return the finite numbers in the reply to a query, exactly `count` of them."""
-        text = self.ask(query)
+        data = self.ask(query, str)
         try:
-            numbers = tuple(parse_number(word) for word in text.split(parted_by))
-        except InstrumentError:
+            numbers = tuple(parse_number(word) for word in data.split(parted_by))
+        except UnreadableError:
             numbers = ()
         if len(numbers) != count:
             wanted = f"{count} numbers parted by {parted_by!r}" if count > 1 else "a number"
             raise InstrumentError(
-                f"{self._name}: asked {query.format(axis=self._axis)!r}, expected {wanted}, got {text[:MOST_SHOWN]!r};"
+                f"{self.who}: asked {self._text(query)!r}, expected {wanted}, got {data[:MOST_SHOWN]!r};"
                 " check that the controller speaks the dialect of the ACUTROL3000"
             )
         return numbers
 
     def tell(self, command: str, *values: float, once: bool = False) -> None:
         """Send a command, which must be acknowledged; with `once` it is not repeated without an acknowledgement."""
-        text = command.format(*(f"{value:.6f}" for value in values), axis=self._axis)
-        send = self._attempt if once else self._exchange
+        text = self._text(command, *values)
         with self._lock:
-            reply = self._status_after(send(text, silent=True)) if self._on_gpib else send(text)
-        if not reply.ok:
+            if self._on_gpib:
+                self._line.tell(text, repeatable=not once)
+                data = self.ask(ASK_STATUS, _outcome)
+            elif once:
+                data = self._parsed(text, self._line.tell(text), str)
+            else:
+                data = self.ask(text, str)
+        if data.upper() != OK:
             raise InstrumentError(
-                f"{self._name}: sent {text!r}, expected OK, got {reply.data[:MOST_SHOWN]!r}; {self._explain()}"
+                f"{self.who}: sent {text!r}, expected {OK}, got {data[:MOST_SHOWN]!r}; {self._explain()}"
             )
 
     def write(self, setting: Setting, *values: float) -> None:
@@ -172,57 +152,28 @@ class AclDialogue:
         errors = (math.remainder(a - w, setting.turn) for a, w in zip(actual, wanted, strict=True))
         if any(abs(error) > setting.tolerance for error in errors):
             raise InstrumentError(
-                f"{self._name}: {setting.name} should be {_listed(wanted)}, it acknowledged and reads back"
+                f"{self.who}: {setting.name} should be {_listed(wanted)}, it acknowledged and reads back"
                 f" {_listed(actual)}; check the controller's limits, and that nothing else commands it"
             )
 
-    def _status_after(self, unanswered: Reply) -> Reply:
-        """Return the reply that a command on GPIB would have had over TCP, by the status byte."""
-        status = self._exchange(ASK_STATUS).data
-        refused = not status.isdecimal() or int(status) & ~FAULT_STATUS
-        return Reply(header="", data=f"status byte {status}") if refused else unanswered
+    def _ask_once(self, text: str, parse: Callable[[str], Parsed]) -> Parsed:
+        with self._lock:
+            return self._parsed(text, self._line.ask(text), parse)
 
-    def _exchange(self, text: str, *, silent: bool = False) -> Reply:
+    def _parsed(self, text: str, line: str, parse: Callable[[str], Parsed]) -> Parsed:
         try:
-            return self._attempt(text, silent=silent)
-        except (LinkError, InstrumentError) as err:
-            self._link.wire_log.note("asking again")
-            reply = self._attempt(text, silent=silent)
-            note_recovered(str(err))
-            return reply
-
-    def _attempt(self, text: str, *, silent: bool = False) -> Reply:
-        """Send a line and return its reply; a `silent` line has none, and counts as acknowledged."""
-        try:
-            self._link.send(encode(text))
-            return Reply(header="", data="OK") if silent else self._receive()
-        except LinkCutError as err:
-            why = self._link.address.left_out(err)
-            raise LinkCutError(f"{self._name}: sent {text!r}, expected a reply: {why}; {self._last_heard()}") from err
-        except LinkError as err:
-            self._link.cut("given up: no reply in time")
-            raise LinkError(
-                f"{self._name}: sent {text!r}, no reply within {self._timeout_s:g} s; check that the controller"
-                f" is in remote mode and that nobody else holds its link; {self._last_heard()}"
-            ) from err
+            return parse(reply_data(line, header_length=0 if self._on_gpib else HEADER_LENGTH))
         except InstrumentError as err:
-            self._link.cut("given up: not ACL")
+            self._line.give_up("given up: not ACL")
             raise InstrumentError(
-                f"{self._name}: sent {text!r}, expected an ACL reply: {err}; check that the address is an ACUTROL3000's"
+                f"{self.who}: sent {text!r}, {err}; check that the address is an ACUTROL3000's"
             ) from err
 
-    def _receive(self) -> Reply:
-        reader = ReplyReader(self._terminator, header_length=0 if self._on_gpib else HEADER_LENGTH)
-        deadline_s = time.monotonic() + self._timeout_s
-        while True:
-            data = self._link.receive(4096, deadline_s - time.monotonic())
-            if not data.isascii():
-                raise InstrumentError(f"bytes that are no ASCII, {data[:32]!r}")
-            if replies := reader.feed(data):
-                return replies[0]
 
-    def _last_heard(self) -> str:
-        return f"last on the wire: {self._link.wire_log.tail(3)}"
+def _outcome(status: str) -> str:
+    """Return the reply that a command on GPIB would have had over TCP, by the status byte after it."""
+    refused = not status.isdecimal() or int(status) & ~FAULT_STATUS
+    return f"status byte {status}" if refused else OK
 
 
 def _listed(values: tuple[float, ...]) -> str:
@@ -279,17 +230,19 @@ MOVE_BY = ":dem:delta {axis},{}"
 SLEW = ":con:osc {axis},Enable,{},{},Pos,Lin"  # slew rates of amplitude [deg/s] and frequency [Hz/s]
 
 
-def _mode_named(name: str) -> Mode | None:
-    """Return the mode of that name, as `:mode?` answers it; None if there is none."""
-    return next((mode for mode in Mode if name.lower().startswith(mode.value)), None)
+def _mode_named(name: str) -> Mode:
+    """Return the mode of that name, as `:mode?` answers it."""
+    for mode in Mode:
+        if name.lower().startswith(mode.value):
+            return mode
+    raise UnreadableError(f"expected the name of a mode such as Rate or Position, got {name[:MOST_SHOWN]!r}")
 
 
 def _recognised(line: str) -> str:
     """Describe the controller from a reply to `:mode? 1`: a header, then the name of a mode."""
-    replies = ReplyReader().feed(f"{line}\n".encode("ascii", "replace"))
-    if not replies or _mode_named(replies[0].data) is None:
-        raise InstrumentError(f"expected a header of 8 characters and a mode, got {line[:MOST_SHOWN]!r}")
-    return f"ACL; axis 1 in mode {replies[0].data}"
+    name = reply_data(line)
+    _mode_named(name)
+    return f"ACL; axis 1 in mode {name}"
 
 
 class Acutrol3000(Instrument):
@@ -340,17 +293,15 @@ class Acutrol3000(Instrument):
         reconnect: Reconnect | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
-        self._name = f"rate table {address}"
         self._line = AclDialogue(
-            self._name,
-            VisaLink(address, wire_log=wire_log)
-            if parse_address(address).scheme == "visa"
-            else TcpLink(address, reconnect=reconnect, wire_log=wire_log),
+            byte_link(address, reconnect=reconnect, wire_log=wire_log),
             axis=axis,
             timeout_s=timeout_s,
+            clock=clock,
             terminator=reply_terminator.encode("ascii"),
             explain=lambda: self._fault() or "no fault is reported",
         )
+        self._name = self._line.who
         self._clock = clock
         self._pause_s = pause_s
         self._rest_rate_dps = rest_rate_dps
@@ -377,7 +328,7 @@ class Acutrol3000(Instrument):
 
     def identify(self) -> Identity:
         """Return the identity from `*idn?` (manufacturer,model,serial,firmware), empty for other answers."""
-        words = [word.strip() for word in self._line.ask(ASK_IDENTITY).split(",")]
+        words = [word.strip() for word in self._line.ask(ASK_IDENTITY, str).split(",")]
         if len(words) != 4:
             return Identity()
         return Identity(manufacturer=words[0], model=words[1], serial=words[2], firmware=words[3])
@@ -466,7 +417,7 @@ class Acutrol3000(Instrument):
     def state(self) -> TableState:
         """Return the state from interlock, mode and rate: fault or abort first, then disabled, then moving."""
         with self._lock:
-            interlock, mode = self._line.ask(ASK_INTERLOCK).lower(), self._mode()
+            interlock, mode = self._line.ask(ASK_INTERLOCK, str).lower(), self._mode()
             if interlock.startswith("fault") or mode is Mode.ABORT:
                 return TableState.FAULT
             if interlock.startswith("open") or mode is Mode.OFF:
@@ -495,13 +446,7 @@ class Acutrol3000(Instrument):
             )
 
     def _mode(self) -> Mode:
-        name = self._line.ask(ASK_MODE)
-        if (mode := _mode_named(name)) is not None:
-            return mode
-        raise InstrumentError(
-            f"{self._name}: asked for the mode, expected a name such as Rate or Position, got {name[:MOST_SHOWN]!r};"
-            " check that the address is an ACUTROL3000's"
-        )
+        return self._line.ask(ASK_MODE, _mode_named)
 
     def _fail_on_fault(self, what: str) -> None:
         fault = self._fault()
@@ -510,10 +455,10 @@ class Acutrol3000(Instrument):
 
     def _fault(self) -> str:
         """Return the fault and what to do, in words; empty if neither the interlock nor the mode reports a fault."""
-        interlock, mode = self._line.ask(ASK_INTERLOCK), self._mode()
+        interlock, mode = self._line.ask(ASK_INTERLOCK, str), self._mode()
         if not interlock.lower().startswith("fault") and mode is not Mode.ABORT:
             return ""
-        status = self._line.ask(ASK_STATUS)
+        status = self._line.ask(ASK_STATUS, str)
         bits = [name for bit, name in self._status_bits.items() if status.isdecimal() and int(status) >> bit & 1]
         named = f" ({', '.join(bits)})" if bits else ""
         return (

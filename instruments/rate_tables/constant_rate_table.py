@@ -1,7 +1,7 @@
 """The common part of drivers whose controllers support constant rates and angles, but no sinusoid.
 
-The driver itself keeps the limit on the rate, which such a controller does not have. Dialogues with one axis are lines
-of text with the placeholder `{axis}`.
+The driver itself keeps the limit on the rate, which such a controller does not have. Dialogues with one axis, those of
+an ACUTROL3000 too, are lines of text with the placeholder `{axis}`.
 """
 
 from __future__ import annotations

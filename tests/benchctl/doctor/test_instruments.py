@@ -62,7 +62,7 @@ def test_who_takes_a_connection_and_says_nothing_is_silent() -> None:
     with server(b"") as address:
         connection, answer = _asked(bench_at({"rate_table": address}, rate_table=QUICK), "rate_table")
     assert (connection.verdict, answer.verdict, answer.what) == ("ok", "bad", "answer")
-    assert answer.message.startswith(f"silent: rate table {address}: sent ':mode? 1', no reply within 0.2 s")
+    assert answer.message.startswith(f"silent: rate table at {address}: sent ':mode? 1', no answer within 0.2 s")
     assert answer.do.startswith("the line works, the instrument is silent: ")
 
 
@@ -83,7 +83,7 @@ def test_an_instrument_that_visa_does_not_reach_is_told_apart_from_a_silent_one(
     monkeypatch.setenv("PYVISA_LIBRARY", "@py")
     (answer,) = _asked(bench_at({"rate_table": "visa://GPIB0::7::INSTR"}, rate_table=QUICK), "rate_table")
     assert (answer.verdict, answer.what) == ("bad", "answer")
-    assert answer.message.startswith("silent: rate table visa://GPIB0::7::INSTR: cannot be opened: ")
+    assert answer.message.startswith("silent: rate table at visa://GPIB0::7::INSTR: cannot be opened: ")
     assert "that the VISA of this computer serves that interface (pyvisa-info shows it)" in answer.do
 
 

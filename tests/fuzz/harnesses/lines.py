@@ -31,6 +31,7 @@ _READERS: tuple[Callable[[str], Any], ...] = (
     lambda line: p300.parse_settings(p300.parse_request(line).parameters),
     ascii2.read_description,
     ascii2.read_accepted,
+    acl.reply_data,
     simserv.parse_command,
     thermotron.parse_command,
     thermotron.read_code,
@@ -40,7 +41,7 @@ _READERS: tuple[Callable[[str], Any], ...] = (
 
 
 def one_input(data: bytes) -> None:
-    streams: list[Any] = [acl.ReplyReader(), acl.AclLines(), LineCutter(), LineCutter(b"\r"), kvh1760.CommandReader()]
+    streams: list[Any] = [LineCutter(trimmed=acl.AROUND), LineCutter(), LineCutter(b"\r"), kvh1760.CommandReader()]
     for piece in pieces(data):
         for stream in streams:
             with refusals():

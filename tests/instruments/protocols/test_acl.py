@@ -4,17 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl_instruments.errors import InstrumentError, UsageError
-from benchctl_instruments.protocols.acl import (
-    AclCommand,
-    AclLines,
-    Reply,
-    ReplyReader,
-    encode,
-    encode_reply,
-    parse_commands,
-)
-from benchctl_instruments.protocols.lines import MAX_LINE
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.protocols.acl import AROUND, AclCommand, encode_reply, parse_commands, reply_data
+from benchctl_instruments.protocols.lines import LineCutter, UnreadableError
 
 
 def command(text: str) -> AclCommand:
@@ -22,75 +14,34 @@ def command(text: str) -> AclCommand:
     return only
 
 
-def test_a_command_is_a_line_of_ascii_with_carriage_return_and_line_feed() -> None:
-    assert encode(":dem:rate 1,10.000000") == b":dem:rate 1,10.000000\r\n"
+def test_the_header_is_taken_off() -> None:
+    assert reply_data("A7#0 4%tRate") == "Rate"
+    assert reply_data("        12.5") == "12.5"
+    assert reply_data("00000001 12.5000;0.0100;-0.3 ") == "12.5000;0.0100;-0.3"
+    assert reply_data("00000003") == ""
+    assert reply_data("Rate", header_length=0) == "Rate"
 
 
-@pytest.mark.parametrize("text", ["", "  ", ":mode? 1\r\n", ":dem:rate 1,10°", "\x00"])
-def test_what_is_not_one_line_of_ascii_is_never_sent(text: str) -> None:
-    with pytest.raises(UsageError, match="not one line"):
-        encode(text)
-
-
-def test_the_header_is_taken_off_and_kept() -> None:
-    assert ReplyReader().feed(b"A7#0 4%tRate\r\n") == [Reply(header="A7#0 4%t", data="Rate")]
-
-
-def test_ok_acknowledges_and_nothing_else_does() -> None:
-    replies = ReplyReader().feed(b"00000001OK\r\n00000002 ok \r\n00000003\r\n00000004OKAY\r\n00000005ERROR\r\n")
-    assert [reply.ok for reply in replies] == [True, True, False, False, False]
-
-
-def test_a_combined_read_comes_back_as_one_reply() -> None:
-    (reply,) = ReplyReader().feed(b"00000001 12.5000;0.0100;-0.3\n")
-    assert reply.data == "12.5000;0.0100;-0.3"
-
-
-def test_a_reply_split_over_two_packets_is_one_reply() -> None:
-    reader = ReplyReader()
-    assert reader.feed(b"0000") == []
-    assert reader.feed(b"0001OK\r") == []
-    assert reader.feed(b"\n") == [Reply(header="00000001", data="OK")]
-
-
-def test_empty_lines_and_bare_line_feeds_are_survived() -> None:
-    assert [reply.data for reply in ReplyReader().feed(b"\r\n\n00000001OK\n\r\n00000002Rate\r\n")] == ["OK", "Rate"]
-
-
-@settings(deadline=None)
-@given(st.lists(st.text("0123456789.;-abcOK ", min_size=1).map(str.strip), max_size=5), st.data())
-def test_however_the_stream_is_cut_the_replies_are_the_same(datas: list[str], data: st.DataObject) -> None:
-    stream = b"".join(encode_reply(f"{number:08d}", text) for number, text in enumerate(datas))
-    cuts = sorted(data.draw(st.sets(st.integers(0, len(stream)))))
-    reader = ReplyReader()
-    replies: list[Reply] = []
-    for low, high in zip([0, *cuts], [*cuts, len(stream)], strict=True):
-        replies += reader.feed(stream[low:high])
-    assert [reply.data for reply in replies] == datas
-
-
-def test_a_line_without_an_end_is_given_up_and_the_memory_let_go() -> None:
-    lines = AclLines()
-    with pytest.raises(InstrumentError, match=rf"more than {MAX_LINE} bytes.*this is not ACL"):
-        lines.feed(b"x" * (MAX_LINE + 1))
-    assert lines.feed(b"fresh\n") == ["fresh"]
+def test_blanks_of_a_header_are_kept_and_a_site_may_end_its_replies_otherwise() -> None:
+    assert LineCutter(b"\r", trimmed=AROUND).feed(b"  000001OK\r  000002Rate\r") == ["  000001OK", "  000002Rate"]
 
 
 def test_a_line_shorter_than_the_header_is_no_reply() -> None:
-    with pytest.raises(InstrumentError, match=r"'login: ', is shorter than ACL's header of 8"):
-        ReplyReader().feed(b"login: \r\n")
+    with pytest.raises(UnreadableError, match="expected a header of 8 characters and data, got 'login: '"):
+        reply_data("login: ")
 
 
-def test_bytes_that_are_not_ascii_show_as_escapes() -> None:
-    (reply,) = ReplyReader().feed(b"00000001\xff\xfe\r\n")
-    assert reply.data == r"\xff\xfe"
+def test_a_line_with_bytes_that_are_not_ascii_is_no_reply() -> None:
+    (line,) = LineCutter(trimmed=AROUND).feed(b"0000\xff\xfe000112.5\r\n")
+    with pytest.raises(UnreadableError, match="expected ASCII"):
+        reply_data(line)
 
 
-def test_a_site_may_end_its_replies_otherwise() -> None:
-    assert ReplyReader(b"\r").feed(b"00000001OK\r00000002Rate\r") == [
-        Reply(header="00000001", data="OK"),
-        Reply(header="00000002", data="Rate"),
-    ]
+@settings(deadline=None)
+@given(st.lists(st.text("0123456789.;-abcOK ", min_size=1).map(str.strip), max_size=5))
+def test_what_the_controller_encodes_the_client_reads(datas: list[str]) -> None:
+    stream = b"".join(encode_reply(f"{number:08d}", text) for number, text in enumerate(datas))
+    assert [reply_data(line) for line in LineCutter(trimmed=AROUND).feed(stream)] == datas
 
 
 @pytest.mark.parametrize(
@@ -165,10 +116,3 @@ def test_no_line_breaks_the_parser(text: str) -> None:
 def test_a_header_of_another_length_is_never_sent() -> None:
     with pytest.raises(UsageError, match="8 characters"):
         encode_reply("1", "OK")
-
-
-def test_a_line_beyond_the_longest_is_no_reply_even_with_its_end() -> None:
-    reader = ReplyReader()
-    with pytest.raises(InstrumentError, match="more than 4096 bytes without an end of line"):
-        reader.feed(b"hhhhhhhh" + b"1" * 5000 + b"\r\n")
-    assert [reply.data for reply in reader.feed(b"hhhhhhhhOK\r\n")] == ["OK"]

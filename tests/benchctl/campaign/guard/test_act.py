@@ -57,7 +57,7 @@ def test_instruments_that_are_not_there_are_named(
         chamber=_nowhere("watlow_f4t", tmp_path),
     )
     assert not act(orders, "the runner ended")
-    assert "NOT CONFIRMED: rate_table: rate table tcp://127.0.0.1:9: " in capfd.readouterr().err
+    assert "NOT CONFIRMED: rate_table: rate table at tcp://127.0.0.1:9: " in capfd.readouterr().err
     assert '"reason": "the runner ended"' in (tmp_path / "journal.jsonl").read_text(encoding="utf-8")
 
 

@@ -82,7 +82,7 @@ def test_an_instrument_that_does_not_answer_costs_the_other_one_nothing_and_is_n
         assert servers.world.chamber.setpoint_c() == 23.0
     assert (rescued.rate_dps, rescued.chamber_setpoint_c) == (None, 23.0)
     (problem,) = rescued.problems
-    assert problem.startswith(f"rate_table: rate table {address}: ")
+    assert problem.startswith(f"rate_table: rate table at {address}: ")
     assert told[0] == "taking over"
     assert told[1] == f"trying again: {problem}"
 
