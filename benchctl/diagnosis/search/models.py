@@ -232,7 +232,7 @@ def may_be_nothing(problem: PartProblem, fitted: Fit) -> set[int]:
             _may_be_zero(
                 one.parameter,
                 effect.values[one.name],
-                error * (Z95 if one.parameter.role == "size" else math.sqrt(math.log(fitted.rows))),
+                error * (Z95 if one.parameter.role == "size" else math.sqrt(math.log(fitted.rows))) or math.inf,
             )
             for one, error in zip(fitted.numbers, errors.tolist(), strict=True)
             if one.effect == place and one.parameter is not None and _vanishes(one.parameter)

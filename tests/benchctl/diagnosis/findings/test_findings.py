@@ -10,7 +10,7 @@ import pytest
 
 from benchctl.diagnosis.findings.findings import findings_of, noise_effects
 from benchctl.diagnosis.result import Finding
-from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.search.select import select, without_nothing
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.estimation.fit import Fit
 from benchctl.estimation.noise_model import GROWING, NoiseModel, Noisy
@@ -65,6 +65,15 @@ def test_the_intervals_hold_nineteen_times_of_twenty() -> None:
             assert estimate.low < estimate.value < estimate.high
             inside[name] += estimate.low < truth.values[name] < estimate.high
     assert all(88 <= count <= 100 for count in inside.values()), inside
+
+
+def test_an_effect_whose_size_the_recording_does_not_determine_is_no_finding() -> None:
+    problem = toy(SQUARED)
+    chosen = selected(problem)
+    assert [*without_nothing(problem, chosen).evidence] == ["squared"]
+    zero = np.zeros((len(chosen.full.numbers),) * 2)  # an error of zero: the derivative vanishes
+    undetermined = replace(chosen, full=replace(chosen.full, disturbed_covariance=zero))
+    assert not without_nothing(problem, undetermined).evidence
 
 
 def test_values_intervals_and_units_are_those_of_the_fit_to_everything() -> None:
