@@ -100,7 +100,12 @@ def lock_files(address: str) -> tuple[Path, ...]:
         places = {f"daqmx:{host}{where.device.upper()}" for host in hosts}
     else:
         places = {f"{host}:{where.port}" for host in _hosts(where.host)}
-    return tuple(sorted(lock_folder() / f"{_file_name(place)}.lock" for place in places))
+    return tuple(sorted(map(lock_file, places)))
+
+
+def lock_file(place: str) -> Path:
+    """Return the lock file of a place: an address, or the real path of a file."""
+    return lock_folder() / f"{_file_name(place)}.lock"
 
 
 def _port(device: str) -> set[str]:

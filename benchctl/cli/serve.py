@@ -39,6 +39,7 @@ def serve(
     """
     import json
     import os
+    from contextlib import nullcontext
 
     from benchctl_instruments.errors import UsageError
 
@@ -52,7 +53,7 @@ def serve(
         raise UsageError(f'serve needs {err.name}, which is not installed; pip install "benchctl[dashboard]"') from err
 
     station = None
-    if bench is not None:
+    if bench is not None and not read_only:
         from benchctl.app.station import Station
 
         station = Station(Path(bench), folder)
@@ -74,17 +75,18 @@ def serve(
 
         return glossary_page()
 
-    run_page(
-        folder,
-        host,
-        port,
-        read_only=read_only,
-        station=station,
-        explain=words,
-        glossary=glossary,
-        ready=ready,
-        warn=warn,
-    )
+    with station.reserved(f"benchctl serve {folder}") if station is not None else nullcontext():
+        run_page(
+            folder,
+            host,
+            port,
+            read_only=read_only,
+            station=station,
+            explain=words,
+            glossary=glossary,
+            ready=ready,
+            warn=warn,
+        )
     # All output is written and everything is closed. A thread that is still reading a recording holds HDF5's lock, and
     # a normal exit of the interpreter would wait for it.
     os._exit(0)

@@ -192,10 +192,14 @@ class Catalogue:
         return path if path is not None and self._is_inside(path) else None
 
     def id_of(self, path: Path) -> str:
+        """Return the id of a path below the folder, whether there is a campaign or not."""
+        return _id_of(path, self._root)
+
+    def id_of_new(self, path: Path) -> str:
         """Return the id of a campaign that has begun just now; the list, which is reused for a while, is made anew."""
         with self._lock:
             self._look()
-        return _id_of(path, self._root)
+        return self.id_of(path)
 
     def entry(self, key: str) -> dict[str, Any]:
         """Return the entry of one campaign; `UsageError` for an unknown id."""

@@ -4,6 +4,7 @@ import { ApiError, get } from "./api.js";
 import { el, fill, say } from "./dom.js";
 import { count, duration, moment } from "./format.js";
 import { onKeys } from "./keys.js";
+import { QueuePanel } from "./queue.js";
 import { go, link } from "./router.js";
 import { alteredChip, isLive, statusChip } from "./status.js";
 
@@ -43,6 +44,7 @@ export async function listView(root, { query, signal }) {
       compare,
       el("label", { class: "search", for: "search" }, "Search ", search),
     ),
+    new QueuePanel(signal).root,
     tally,
     rows,
   );

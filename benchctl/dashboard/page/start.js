@@ -3,6 +3,7 @@
 import { ApiError, change, get } from "./api.js";
 import { el, fact, fill, say } from "./dom.js";
 import { count, duration } from "./format.js";
+import { QueuePanel, newOrder } from "./queue.js";
 import { link, go } from "./router.js";
 import { nameField, session } from "./session.js";
 
@@ -33,6 +34,11 @@ export async function startView(root, { signal }) {
   const check = el("button", { type: "submit" }, "Check");
   const outcome = el("div", { class: "outcome", role: "status" });
   const start = el("button", { type: "button", class: "main", disabled: true, onclick: begin }, "Start the run");
+  const name = () => (who.reportValidity() ? who.value.trim() : "");
+  const queue = new QueuePanel(signal, { who: name, changed: offer });
+  let latest = null;
+  let isOn = false;
+  let isSending = false;
   const form = el(
     "form",
     { class: "start", novalidate: true, onsubmit: ask },
@@ -67,17 +73,34 @@ export async function startView(root, { signal }) {
     const found = await answered(() => change("POST", "/api/check", { body: order(), signal }));
     if (!found || number !== asked || signal.aborted) return;
     start.disabled = !found.ready;
-    fill(outcome, found.ready ? can(found) : cannot("Cannot start.", found.problems));
+    fill(outcome, found.ready ? can(found, isOn) : cannot("Cannot start.", found.problems));
+  }
+
+  // While a run is on the bench, or orders wait, a new order goes to the end of the queue.
+  function offer(queue) {
+    latest = queue;
+    if (isSending) return;
+    const before = isOn;
+    isOn = queue.run?.fault === null || queue.waiting.length > 0;
+    if (isOn !== before) changed();
+    say(start, isOn ? "Put it in the queue" : "Start the run");
   }
 
   async function begin() {
-    if (!who.reportValidity()) return;
+    if (!name()) return;
+    isSending = true;
     for (const one of [start, check]) one.disabled = true;
-    fill(outcome, el("p", { class: "how" }, "Starting: opening the instruments …"));
-    const body = { ...order(), who: who.value.trim() };
-    const started = await answered(() => change("POST", "/api/start", { body }));
-    check.disabled = false;
-    if (started && !signal.aborted) go(["campaigns", started.id]);
+    fill(outcome, el("p", { class: "how" }, isOn ? "Queueing …" : "Starting: opening the instruments …"));
+    const body = { ...order(), who: name(), order: newOrder() };
+    const done = await answered(() => change("POST", isOn ? "/api/queue" : "/api/start", { body }));
+    isSending = check.disabled = false;
+    if (signal.aborted) return;
+    if (!done) return void (latest && offer(latest));
+    if (!isOn) return void go(["campaigns", done.id]);
+    changed();
+    queue.show(done);
+    serial.value = "";
+    serial.focus();
   }
 
   async function answered(request) {
@@ -98,6 +121,7 @@ export async function startView(root, { signal }) {
   fill(
     root,
     el("div", { class: "title" }, el("h1", {}, "Start a run"), el("p", { class: "subtitle" }, `on ${bench}`)),
+    queue.root,
     form,
   );
   changed();
@@ -110,9 +134,10 @@ function extent({ steps, bench_time_s, questions }) {
   return `${count(steps)} steps, at least ${duration(bench_time_s)}${asks}.`;
 }
 
-function can(found) {
+function can(found, isQueued) {
+  const title = isQueued ? "Can be queued, and is checked again when its turn comes: " : "Can start: ";
   return [
-    el("p", { class: "answer good" }, el("b", {}, "Can start: "), extent({ ...found, questions: 0 })),
+    el("p", { class: "answer good" }, el("b", {}, title), extent({ ...found, questions: 0 })),
     found.warnings.map((warning) => el("p", { class: "answer warn" }, el("b", {}, "Warning: "), warning)),
     found.questions.length > 0 && [
       el("p", {}, "During the run this page will ask you to:"),
@@ -123,7 +148,7 @@ function can(found) {
       ),
     ],
     el("dl", { class: "facts" }, fact("Instruments", found.instruments.join(", "))),
-    el("p", {}, "The table will move and the chamber will change its temperature. Is everybody clear of them?"),
+    !isQueued && el("p", {}, "The table will move and the chamber will change its temperature. Is everybody clear of them?"),
   ];
 }
 

@@ -293,10 +293,14 @@ class CheckOrder(Exact):
     serial: Word
 
 
+ORDER_ID = "^[0-9a-f]{16}$"
+
+
 class StartOrder(CheckOrder):
-    """The same, and the name of the person who starts it."""
+    """The same, the name of the person who starts it, and an id that the client makes: none is carried out twice."""
 
     who: Word
+    order: str = Field(pattern=ORDER_ID)
 
 
 class Checked(Exact):
@@ -316,6 +320,45 @@ class Started(Exact):
 
     id: str
     name: str
+
+
+class QueuedOrder(Exact):
+    """A released procedure, by its title, for a unit, ordered by a person."""
+
+    order: str
+    title: str
+    serial: str
+    who: str
+
+
+class StationRun(QueuedOrder):
+    """The run that was started last: its campaign, and its fault: null while it goes on, empty if it ended properly."""
+
+    campaign: str
+    name: str
+    fault: str | None
+
+
+class Queue(Exact):
+    """The run that was started last, and what waits; while `held` gives a reason, nothing of it starts."""
+
+    run: StationRun | None
+    held: str
+    hold: int
+    waiting: list[QueuedOrder]
+
+
+class RemoveOrder(Exact):
+    """The name of the person who removes an order from the queue."""
+
+    who: Word
+
+
+class GoOnOrder(RemoveOrder):
+    """The hold that is ended, as `Queue` has it, by whom, and whether the run that ended early is resumed first."""
+
+    hold: int = Field(ge=0, le=1 << 31)
+    resume: bool
 
 
 class AnswerOrder(Exact):

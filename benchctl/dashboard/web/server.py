@@ -12,7 +12,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import uvicorn
@@ -26,7 +26,7 @@ from benchctl.confined import confine
 from benchctl.dashboard.data.catalogue import Catalogue
 from benchctl.dashboard.data.contents import cache_folder
 from benchctl.dashboard.data.series import SeriesReader
-from benchctl.dashboard.web.answers import Readers
+from benchctl.dashboard.web.answers import Readers, RefusalError
 from benchctl.dashboard.web.app import page_app
 from benchctl.dashboard.web.gate import MOST_HEADER_BYTES, is_loopback, own_names
 from benchctl.dashboard.web.live_routes import MOST_MESSAGE_BYTES
@@ -45,6 +45,8 @@ _GOODBYE_S = 0.5
 _IDLE_S = 20
 """Longest time between two requests on a connection."""
 _PING_EVERY_S, _PONG_WITHIN_S = 5.0, STALLED_S - 5.0
+_ADVANCE_EVERY_S = 1.0
+"""Time between two looks whether the run is over and the next one may start."""
 _REFUSED_WEBSOCKET = "ASGI callable returned without completing handshake."
 """What uvicorn logs as an error for every refused websocket."""
 
@@ -78,7 +80,7 @@ def lower_priority() -> None:
         os.nice(5)
 
 
-def serve_until(stop: StopRequest, app: ASGIApp, sock: socket.socket, ready: Callable[[], None]) -> None:
+def serve_until(stop: StopRequest, app: ASGIApp, sock: socket.socket, ready: Callable[[], None], site: Site) -> None:
     """Serve on a socket until a stop is requested; `ready` is called when requests can be served."""
     logging.getLogger("uvicorn").addHandler(logging.StreamHandler())
     logging.getLogger("uvicorn.error").addFilter(lambda record: record.msg != _REFUSED_WEBSOCKET)
@@ -102,7 +104,7 @@ def serve_until(stop: StopRequest, app: ASGIApp, sock: socket.socket, ready: Cal
         ws_ping_timeout=_PONG_WITHIN_S,
         ws_per_message_deflate=False,  # a small message cannot become a large one
     )
-    asyncio.run(_serve(_Server(config), stop, sock, ready))
+    asyncio.run(_serve(_Server(config), stop, sock, ready, site))
 
 
 class _Server(uvicorn.Server):
@@ -114,9 +116,11 @@ class _Server(uvicorn.Server):
         yield
 
 
-async def _serve(server: _Server, stop: StopRequest, sock: socket.socket, ready: Callable[[], None]) -> None:
+async def _serve(
+    server: _Server, stop: StopRequest, sock: socket.socket, ready: Callable[[], None], site: Site
+) -> None:
     serving = asyncio.create_task(server.serve([sock]))
-    sweeping = asyncio.create_task(_close_stalled(server.server_state))
+    meanwhile = [asyncio.create_task(_close_stalled(server.server_state)), asyncio.create_task(_advance(site))]
     while not server.started and not serving.done():
         await asyncio.sleep(0.01)
     ready()
@@ -127,7 +131,16 @@ async def _serve(server: _Server, stop: StopRequest, sock: socket.socket, ready:
     await asyncio.wait({serving}, timeout=_GOODBYE_S)
     server.force_exit = True
     await serving
-    sweeping.cancel()
+    for task in meanwhile:
+        task.cancel()
+
+
+async def _advance(site: Site) -> None:
+    """Let the station's queue go on, again and again; runs until cancelled."""
+    while site.station is not None:
+        with suppress(RefusalError, UsageError, OSError):  # a full disk, or many orders at once: the next time
+            await site.starting.run(site.station.advance)
+        await asyncio.sleep(_ADVANCE_EVERY_S)
 
 
 async def _close_stalled(state: ServerState) -> None:
@@ -191,7 +204,7 @@ def run_page(
             ready(_url(host, bound_port), tokens.token, tokens.view_token)
             threading.Thread(target=_warm_up, daemon=True).start()
 
-        serve_until(stop, page_app(site, own_names(host)), sock, tell_ready)
+        serve_until(stop, page_app(site, own_names(host)), sock, tell_ready, site)
 
 
 def _warm_up() -> None:

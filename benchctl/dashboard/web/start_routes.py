@@ -1,30 +1,40 @@
-"""Routes of the operator: released procedures, their check, their start, and the answers to a run's questions."""
+"""Routes of the operator: released procedures, their check, their start, the queue, and the answers to questions."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
 
 from fastapi import APIRouter
+from fastapi import Path as PathParameter
 from starlette.responses import Response
 
 from benchctl.app.station import NotStartedError, Station
+from benchctl.app.station_journal import Order
 from benchctl.campaign.page_operator import NotAskedError, answer_question
 from benchctl.campaign.stop import NotRunningError
 from benchctl.dashboard.web.access import Caller, CallerOf, CsrfHeader
 from benchctl.dashboard.web.answers import RefusalError, answer
 from benchctl.dashboard.web.campaign_routes import Key
 from benchctl.dashboard.web.models import (
+    ORDER_ID,
     AnswerOrder,
     AnswerTaken,
     Checked,
     CheckOrder,
     Error,
+    GoOnOrder,
+    Queue,
     Released,
     ReleasedProcedure,
+    RemoveOrder,
     Started,
     StartOrder,
 )
 from benchctl.dashboard.web.site import Site, SiteOf
+
+T = TypeVar("T")
 
 router = APIRouter(
     prefix="/api", tags=["operator"], responses={401: {"model": Error}, 422: {"model": Error}, 503: {"model": Error}}
@@ -58,10 +68,44 @@ async def check(order: CheckOrder, site: SiteOf, caller: CallerOf, x_csrf: CsrfH
 async def start(order: StartOrder, site: SiteOf, caller: CallerOf, x_csrf: CsrfHeader = None) -> dict[str, str]:
     """Start a released procedure on a unit as `benchctl run` does; return its campaign once it has begun."""
     station = _station(site, caller, order.procedure)
-    try:
-        return await site.starting.run(lambda: _started(site, station, order))
-    except NotStartedError as err:
-        raise RefusalError(409, str(err)) from err
+    return await _carried_out(site, lambda: _begun(site, station.start(_order(order))))
+
+
+@router.get("/queue", response_model=Queue)
+async def queue(site: SiteOf, caller: CallerOf) -> dict[str, Any]:
+    """Return the run that was started last, the orders that wait behind it, and why they are held, if they are."""
+    return _queue(site)
+
+
+@router.post("/queue", status_code=202, response_model=Queue, responses=_change)
+async def put(order: StartOrder, site: SiteOf, caller: CallerOf, x_csrf: CsrfHeader = None) -> dict[str, Any]:
+    """Put a released procedure on a unit at the end of the queue; it is checked again before it starts."""
+    station = _station(site, caller, order.procedure)
+    await _carried_out(site, lambda: station.queue(_order(order)))
+    return _queue(site)
+
+
+@router.post("/queue/{order}/remove", status_code=202, response_model=Queue, responses=_change)
+async def remove(
+    order: Annotated[str, PathParameter(pattern=ORDER_ID)],
+    who: RemoveOrder,
+    site: SiteOf,
+    caller: CallerOf,
+    x_csrf: CsrfHeader = None,
+) -> dict[str, Any]:
+    """Remove an order from the queue."""
+    station = _station(site, caller)
+    await _carried_out(site, lambda: station.remove(order, who.who))
+    return _queue(site)
+
+
+@router.post("/queue/go_on", status_code=202, response_model=Queue, responses=_change)
+async def go_on(order: GoOnOrder, site: SiteOf, caller: CallerOf, x_csrf: CsrfHeader = None) -> dict[str, Any]:
+    """Let a queue that holds go on: with its next order, or first with the run that ended early, from where it was."""
+    station = _station(site, caller)
+    act = station.resume if order.resume else station.go_on
+    await _carried_out(site, lambda: act(order.hold, order.who))
+    return _queue(site)
 
 
 @router.post("/campaigns/{key}/answer", status_code=202, response_model=AnswerTaken, responses=_change)
@@ -79,9 +123,11 @@ async def answer_run(
     return {"taken": True}
 
 
-def _station(site: Site, caller: Caller, procedure: str) -> Station:
+def _station(site: Site, caller: Caller, procedure: str | None = None) -> Station:
     _require_operator(caller)
-    if site.station is None or procedure not in site.station.procedures:
+    if site.station is None:
+        raise RefusalError(404, "this server starts nothing: benchctl serve --bench names what may be started")
+    if procedure is not None and procedure not in site.station.procedures:
         raise RefusalError(404, "no procedure of this name is released; ask for /api/released again")
     return site.station
 
@@ -89,6 +135,41 @@ def _station(site: Site, caller: Caller, procedure: str) -> Station:
 def _require_operator(caller: Caller) -> None:
     if caller.role != "operator":
         raise RefusalError(403, "this token only looks; a run is started and answered with the other one")
+
+
+async def _carried_out(site: Site, job: Callable[[], T]) -> T:
+    try:
+        return await site.starting.run(job)
+    except NotStartedError as err:
+        raise RefusalError(409, str(err)) from err
+
+
+def _order(order: StartOrder) -> Order:
+    return Order(order=order.order, procedure=order.procedure, serial=order.serial, by=order.who)
+
+
+def _queue(site: Site) -> dict[str, Any]:
+    if site.station is None:
+        return {"run": None, "held": "", "hold": 0, "waiting": []}
+    station, journal = site.station, site.station.journal
+    run = journal.run and {
+        **_told(station, journal.run.order),
+        "campaign": site.catalogue.id_of(station.root / journal.run.campaign),
+        "name": journal.run.campaign,
+        "fault": journal.run.fault,
+    }
+    waiting = [_told(station, one) for one in journal.waiting]
+    return {"run": run, "held": journal.held, "hold": journal.hold, "waiting": waiting}
+
+
+def _told(station: Station, order: Order) -> dict[str, str]:
+    released = station.procedures.get(order.procedure)
+    return {
+        "order": order.order,
+        "title": released.title if released else order.procedure,
+        "serial": order.serial,
+        "who": order.by,
+    }
 
 
 def _checked(station: Station, order: CheckOrder) -> dict[str, Any]:
@@ -110,9 +191,8 @@ def _checked(station: Station, order: CheckOrder) -> dict[str, Any]:
     }
 
 
-def _started(site: Site, station: Station, order: StartOrder) -> dict[str, str]:
-    folder = station.start(order.procedure, order.serial, order.who)
-    return {"id": site.catalogue.id_of(folder), "name": folder.name}
+def _begun(site: Site, folder: Path) -> dict[str, str]:
+    return {"id": site.catalogue.id_of_new(folder), "name": folder.name}
 
 
 def _identities(found: dict[str, Any]) -> list[dict[str, str]]:

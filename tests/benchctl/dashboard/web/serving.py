@@ -32,11 +32,11 @@ class Served:
     def port(self) -> int:
         return int(self.url.rstrip("/").rpartition(":")[2])
 
-    def client(self, token: str | None = "", **headers: str) -> httpx.Client:
+    def client(self, token: str | None = "", *, timeout_s: float = 30.0, **headers: str) -> httpx.Client:
         """Somebody who shows a token: the one that may stop a run, another, or None."""
         shown = {} if token is None else {"Authorization": f"Bearer {token or self.token}"}
         # there is no TLS here, and to read all certificates of the system takes longer than a request
-        return httpx.Client(base_url=self.url, headers={**shown, **headers}, timeout=30.0, verify=False)
+        return httpx.Client(base_url=self.url, headers={**shown, **headers}, timeout=timeout_s, verify=False)
 
     @contextmanager
     def browser(self, token: str = "") -> Iterator[tuple[httpx.Client, str]]:

@@ -12,6 +12,7 @@ PRIVATE = (
     "/api/campaigns/0123456789abcdef/documents/diagnosis",
     "/api/campaigns/0123456789abcdef/documents/diagnosis/report",
     "/api/released",
+    "/api/queue",
     "/api/history",
     "/api/explain/thermal_lag",
     "/api/openapi.json",

@@ -27,6 +27,10 @@ OPERATIONS = {
     "GET /api/released",
     "POST /api/check",
     "POST /api/start",
+    "GET /api/queue",
+    "POST /api/queue",
+    "POST /api/queue/{order}/remove",
+    "POST /api/queue/go_on",
     "GET /api/history",
     "GET /api/explain/{term}",
     "GET /api/help",
@@ -37,6 +41,9 @@ MORE_THAN_THE_SCHEMA = {
     "POST /api/campaigns/{key}/answer",
     "POST /api/check",
     "POST /api/start",
+    "POST /api/queue",
+    "POST /api/queue/{order}/remove",
+    "POST /api/queue/go_on",
 }
 """What a schema cannot say: that a window ends after it began, what the campaign is called, what it asks, and what is
 released."""

@@ -41,11 +41,17 @@ def incoming(rest_s: float = 5.0):
     yield Static(duration_s=rest_s)
 """
 ORDER = {"procedure": "incoming", "serial": "SN-17"}
-START = ORDER | {"who": "A. Ohm"}
+START = ORDER | {"who": "A. Ohm", "order": "0123456789abcdef"}
+QUEUE = "queue-simulated-bench.jsonl"
 ANSWER = {"question": "x", "answer": "done", "who": "A. Ohm"}
 CHANGES: list[tuple[str, dict[str, Any]]] = [
     ("/api/check", ORDER),
     ("/api/start", START),
+    ("/api/queue", START),
+    ("/api/queue/0123456789abcdef/remove", {"who": "A. Ohm"}),
+    ("/api/queue/go_on", {"who": "A. Ohm", "hold": 1, "resume": False}),
+    ("/api/queue/go_on", {"who": "A. Ohm", "hold": 1, "resume": True}),
+    ("/api/campaigns/0123456789abcdef/stop", {"confirm": "x"}),
     ("/api/campaigns/0123456789abcdef/answer", ANSWER),
 ]
 
@@ -53,7 +59,11 @@ CHANGES: list[tuple[str, dict[str, Any]]] = [
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a bench that releases two procedures, one of which it cannot run."""
-    folder = tmp_path_factory.mktemp("lab")
+    return lab_in(tmp_path_factory.mktemp("lab"))
+
+
+def lab_in(folder: Path) -> Path:
+    """Write the lab into a folder: one server at a time starts runs of its bench."""
     (folder / "results").mkdir()
     (folder / "incoming.py").write_text(PROCEDURE)
     (folder / "bench.toml").write_text(template() + RELEASED, encoding="utf-8")
@@ -111,11 +121,11 @@ def test_who_only_looks_has_no_word_or_comes_from_elsewhere_changes_nothing(
     with station.browser() as (client, csrf):
         for headers in ({}, {"X-CSRF": "x"}, {"X-CSRF": csrf, "Origin": "http://evil.example"}):
             assert client.post(path, json=body, headers=headers).status_code == 403
-        assert client.get(path).status_code == 405
+        assert client.get(path).status_code == (200 if path == "/api/queue" else 405)
     assert sorted((lab / "results").iterdir()) == before
 
 
-@pytest.mark.parametrize("path", ["/api/check", "/api/start"])
+@pytest.mark.parametrize("path", ["/api/check", "/api/start", "/api/queue"])
 @pytest.mark.parametrize(
     ("changed", "status"),
     [
@@ -129,13 +139,14 @@ def test_who_only_looks_has_no_word_or_comes_from_elsewhere_changes_nothing(
         ({"serial": 17}, 422),
         ({"bench": "simulated"}, 422),
         ({"parameters": {"rest_s": 1}}, 422),
+        ({"order": "../../x"}, 422),
     ],
 )
 def test_an_order_of_anything_else_is_refused(
     station: Served, lab: Path, path: str, changed: dict[str, Any], status: int
 ) -> None:
     before = sorted((lab / "results").iterdir())
-    order = (START if path == "/api/start" else ORDER) | changed
+    order = (ORDER if path == "/api/check" else START) | changed
     with station.client() as client:
         refused = client.post(path, json=order)
     assert (refused.status_code, list(refused.json())) == (status, ["error"])
@@ -144,7 +155,6 @@ def test_an_order_of_anything_else_is_refused(
 
 @pytest.mark.slow
 def test_a_check_says_what_benchctl_check_says_and_what_it_refuses_is_not_started(station: Served, lab: Path) -> None:
-    before = sorted((lab / "results").iterdir())
     with station.client() as client:
         ready = client.post("/api/check", json=ORDER | {"serial": "-x --help"}, timeout=60).json()
         hot = client.post("/api/check", json=ORDER | {"procedure": "hot"}, timeout=60).json()
@@ -155,15 +165,14 @@ def test_a_check_says_what_benchctl_check_says_and_what_it_refuses_is_not_starte
     assert not hot["ready"]
     assert problem.startswith("step 1: soak at +150: goes to 150 °C, the bench's limits are -55 to 85 °C")
     assert (refused.status_code, refused.json()["error"]) == (409, f"procedure static, {problem}")
-    assert sorted((lab / "results").iterdir()) == before
+    assert [path.name for path in (lab / "results").iterdir()] == [QUEUE]
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="niceness and SIGKILL are things of POSIX")
-def test_a_start_that_is_sent_again_gives_one_run_which_outlives_the_server(lab: Path, tmp_path: Path) -> None:
-    results = tmp_path / "results"
-    results.mkdir()
-    with serving(results, tmp_path / "cache", "--bench", lab / "bench.toml") as station:
+def test_a_start_that_is_sent_again_gives_one_run_which_outlives_the_server(tmp_path: Path) -> None:
+    results = lab_in(tmp_path) / "results"
+    with serving(results, tmp_path / "cache", "--bench", tmp_path / "bench.toml") as station:
         with station.browser() as (client, csrf):
             headers = {"X-CSRF": csrf}
             began = client.post("/api/start", json=START, headers=headers, timeout=90)
@@ -195,7 +204,7 @@ def test_a_start_that_is_sent_again_gives_one_run_which_outlives_the_server(lab:
         assert (recording.meta.unit.serial, recording.meta.provenance["operator"]) == ("SN-17", "A. Ohm")
     assert [event["by"] for event in events(results / name, "started")] == ["A. Ohm, at the live page"]
     assert [event["by"] for event in events(results / name, "operator")] == ["B. Volt, at the live page"]
-    assert sorted(path.name for path in results.iterdir()) == [name, f"{name}.log"]
+    assert sorted(path.name for path in results.iterdir()) == [name, f"{name}.log", QUEUE]
 
 
 @pytest.mark.slow
@@ -219,4 +228,4 @@ def test_a_bench_that_another_program_has_is_refused_by_check_and_start_with_its
     assert problem.startswith("rate_table at tcp://127.0.0.1:")
     assert f"(campaign {tmp_path / 'other'}, since" in problem
     assert (start.status_code, start.json()["error"]) == (409, problem)
-    assert list(results.iterdir()) == []
+    assert [path.name for path in results.iterdir()] == [QUEUE]
