@@ -216,6 +216,12 @@ class Laboratory(Table):
         description="A PNG file, relative to the folder of bench.toml; recordings store its content.",
         examples=["logo.png"],
     )
+    signing_key: str = Field(
+        default="",
+        title="Signing key",
+        description="The OpenSSH Ed25519 key with which the live page signs, relative to the folder of bench.toml.",
+        examples=["qa_key"],
+    )
 
 
 class Released(Table):
@@ -231,6 +237,11 @@ class Released(Table):
     )
     parameters: dict[str, Any] = Field(
         default_factory=dict, description="As -p NAME=VALUE of benchctl run.", examples=[{"points": 5}]
+    )
+    limits: str = Field(
+        default="",
+        description="A file of limits by which a complete run is judged, relative to the folder of bench.toml.",
+        examples=["limits.toml"],
     )
 
 

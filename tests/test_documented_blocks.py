@@ -154,7 +154,9 @@ def test_simulated_instruments_for_other_programs(folder: Path) -> None:
 def test_the_live_page(folder: Path) -> None:
     (folder / "results").mkdir()
     told = run(folder, "live_page")
-    assert [set(json.loads(said.splitlines()[-1])) for said in told] == [{"url", "token", "view_token"}] * 2
+    assert [set(json.loads(said.splitlines()[-1])) for said in told] == [
+        {"url", "token", "view_token", "release_token"}
+    ] * 2
 
 
 def test_python(folder: Path) -> None:

@@ -7,10 +7,11 @@ queued starts when the one before it is complete and has left the bench in its s
 
 from __future__ import annotations
 
+import hashlib
 import re
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,13 +22,17 @@ from benchctl.app.station_journal import Order, StationJournal, StationRun
 from benchctl.bench import load_bench
 from benchctl.campaign.again import parameter_text
 from benchctl.campaign.check import bench_time_s, problems
+from benchctl.campaign.page_operator import forget_question
 from benchctl.campaign.reserved import lock_file, make_lock_folder
-from benchctl.documents import json_document
+from benchctl.documents import json_document, read_json
 from benchctl.locks import held, is_held
+from benchctl.metrology.limit_file import read_limits
 from benchctl.own_process import own_process
 from benchctl.plan.find import find_procedure
 from benchctl.recordings.journal import events_in, journal_text, last_word
 from benchctl.recordings.schema import JOURNAL, LOCK
+from benchctl.reports.acceptance.signed import STATEMENT
+from benchctl.reports.acceptance.write import JSON as ACCEPTANCE
 from benchctl_instruments.errors import UsageError
 
 _CHECKED_WITHIN_S = 60.0
@@ -41,7 +46,7 @@ class NotStartedError(UsageError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReleasedProcedure:
-    """A released procedure as the lab names it; `command` are its arguments for `check` and `run`."""
+    """A released procedure as the lab names it; `command` are the arguments of `check` and `run`, `limits` judge it."""
 
     name: str
     title: str
@@ -50,6 +55,11 @@ class ReleasedProcedure:
     bench_time_s: float | None
     questions: int
     command: tuple[str, ...]
+    limits: Path | None
+
+
+class NotSignedError(UsageError):
+    """An acceptance cannot be signed, or not any more; nothing was signed."""
 
 
 class Station:
@@ -68,6 +78,10 @@ class Station:
             raise UsageError(
                 f"{bench_toml}: its table is turned by hand; its runs begin at a terminal, beside the table"
             )
+        laboratory = self.bench.laboratory
+        self.key = self._file.parent / laboratory.signing_key if laboratory and laboratory.signing_key else None
+        if self.key is not None and not self.key.is_file():
+            raise UsageError(f"{bench_toml}: laboratory.signing_key: there is no file {self.key}")
         self.procedures = {name: self._released(name) for name in self.bench.released}
         self._process: subprocess.Popen[bytes] | None = None
         self._journal_file = self.root / f"queue-{re.sub(r'[^A-Za-z0-9._+-]+', '-', self.bench.name)}.jsonl"
@@ -90,6 +104,9 @@ class Station:
         try:
             procedure = find_procedure(place)
             plan = procedure.expand(texts)
+            limits = self._file.parent / released.limits if released.limits else None
+            if limits is not None:
+                read_limits(limits)
         except UsageError as err:
             raise UsageError(f"{self._file}: released.{name}: {err}") from err
         playable = not problems(plan, self.bench)
@@ -101,6 +118,7 @@ class Station:
             bench_time_s=bench_time_s(plan, self.bench) if playable else None,
             questions=len(questions_asked(plan, self.bench)),
             command=(place, *(f"--parameter={key}={text}" for key, text in texts.items())),
+            limits=limits,
         )
 
     def check(self, name: str, serial: str) -> dict[str, Any]:
@@ -151,6 +169,7 @@ class Station:
         if run is None or not run.fault or run.order.procedure not in self.procedures:
             raise NotStartedError("no run that ended early can be resumed here; let the queue go on, or start another")
         folder = self.root / run.campaign
+        forget_question(folder)  # of the run that ended: nobody shall answer it while this one begins
         self.journal.note("resumed", by=who)
         self._launch(folder, run.order, who, "--resume", str(folder), "--yes")
         self._let_go_on(who)
@@ -186,6 +205,37 @@ class Station:
             except UsageError as err:
                 self.journal.note("held", says=f"{order.procedure} of {order.serial} cannot start: {err}")
 
+    def sign(self, folder: Path, verdict: str) -> None:
+        """Sign the acceptance of a campaign with the laboratory's key, as `benchctl accept --sign` does.
+
+        The limits are those of the station that the campaign was judged by, `verdict` is what the signer has seen. Safe
+        beside the other methods. Raises `NotSignedError`.
+        """
+        if self.key is None:
+            raise NotSignedError(f"{self._file}: names no key; add signing_key to [laboratory]")
+        if (folder / STATEMENT).exists():
+            raise NotSignedError(f"{folder.name} is signed already")
+        found = read_json(folder / ACCEPTANCE, "acceptance") if (folder / ACCEPTANCE).exists() else {}
+        if not isinstance(found, dict) or found.get("verdict") != verdict:
+            raise NotSignedError(f"the verdict on {folder.name} is not {verdict} any more; look at it again")
+        limits = self._limits_of(found)
+        if limits is None:
+            raise NotSignedError(
+                f"{folder.name} was judged by other limits than {self._file} names today; judge it by benchctl accept"
+            )
+        arguments = ["accept", str(folder), "--limits", str(limits), "--sign", str(self.key), "--json", "-"]
+        signing = own_process("benchctl", arguments, stderr=subprocess.DEVNULL)
+        answer = dict(json_document(signing.communicate()[0], "the answer of benchctl accept"))
+        if "statement" not in answer:
+            raise NotSignedError(str(answer.get("error", "")))
+
+    def _limits_of(self, acceptance: Mapping[str, Any]) -> Path | None:
+        """Return the file of released limits that an acceptance names by its digest; None if there is none."""
+        stated = acceptance.get("limits")
+        digest = stated.get("sha256") if isinstance(stated, dict) else None
+        files = (one.limits for one in self.procedures.values() if one.limits is not None)
+        return next((file for file in files if hashlib.sha256(file.read_bytes()).hexdigest() == digest), None)
+
     def _start_checked(self, order: Order) -> None:
         if order.procedure not in self.procedures:
             raise NotStartedError("the lab has released no such procedure any more; remove it")
@@ -205,7 +255,9 @@ class Station:
         """Start `benchctl run` and wait until it has begun; `NotStartedError` if it has not."""
         before, log = _starts(folder), folder.with_name(f"{folder.name}.log")
         with log.open("ab") as out:
-            arguments = ["run", *self._command(order.procedure, order.serial), f"--page={who}", *where]
+            limits = self.procedures[order.procedure].limits
+            judged = [] if limits is None else ["--limits", str(limits)]
+            arguments = ["run", *self._command(order.procedure, order.serial), f"--page={who}", *judged, *where]
             run = own_process("benchctl", arguments, stdout=out, stderr=subprocess.STDOUT)
         if run.stdin is not None:
             run.stdin.close()

@@ -11,6 +11,7 @@ The queue is what the journal states, so it survives the end of the server. One 
 {"kind": "over", "says": ""}                              why the run did not end properly; empty: it did
 {"kind": "held", "says": "…"}                             no run of the queue starts
 {"kind": "go_on", "by": "B. Volt"}                        until somebody lets the queue go on
+{"kind": "signed", "by": "C. Amp", "campaign": "2026…", "signed": {"says": "signed by …", "problems": []}}
 ```
 """
 

@@ -58,8 +58,7 @@ class Verified:
             return
         if not self.has_recording:
             yield f"{self.path}: no signed file changed; the recording {signature.recording} is elsewhere, not checked"
-        when = f"{signature.signed:%Y-%m-%d %H:%M} UTC"
-        yield f"signed by {signature.name}, key {signature.fingerprint}, {when}: {signature.verdict}, {signature.unit}"
+        yield signature.says
         if signature.accepted_by is None:
             yield "the signature matches; whose key it is was not checked: --signers FILE lists the accepted keys"
         else:

@@ -49,7 +49,9 @@ def run(
             help="Repeat the run of a recording, and compare.",
         ),
     ] = None,
-    limits: Annotated[Path | None, toml_option("--limits", "Limits for --again; default: those of FIRST.")] = None,
+    limits: Annotated[
+        Path | None, toml_option("--limits", "Limits that judge the complete run; default for --again: those of FIRST.")
+    ] = None,
     out: Annotated[Path | None, out_option("The campaign's folder; default: a new one in results/.")] = None,
     resume: Annotated[
         Path | None,
@@ -67,7 +69,9 @@ def run(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Run a procedure, record it, and fit it if it is a calibration; or resume a campaign that ended early.
+    """Run a procedure, record it, fit it if it is a calibration, and judge it by --limits, as `benchctl accept` does.
+
+    Or resume a campaign that ended early.
 
     Example: `benchctl run two_stage --bench simulated -p points=5 -p soak_s=1h`,
     `benchctl run two_stage --bench lab/bench.toml --dry-run`,
@@ -88,6 +92,7 @@ def run(
     from benchctl.campaign.operator import read_answers
     from benchctl.campaign.resume import past_of
     from benchctl.cli.campaigns import ask_to_resume, at_terminal, summary
+    from benchctl.metrology.limit_file import read_limits
     from benchctl.plan.find import find_procedure
     from benchctl_instruments.errors import UsageError
 
@@ -96,7 +101,8 @@ def run(
             raise UsageError(f"--page {page}: the answers come from {answers}; leave one of them out")
         if unit is not None and bench is None:
             raise UsageError(f"--unit {unit}: names the unit on a bench; name the bench with --bench, too")
-        _refuse_contradictions(procedure, parameter, again, limits, out, resume)
+        _refuse_contradictions(procedure, parameter, again, out, resume)
+        judged_by = None if limits is None or again is not None else read_limits(limits)
         answered = None if answers is None else read_answers(answers)
         loaded = None if bench is None else app.bench_of(bench, seed, unit)
         rerun = None
@@ -136,6 +142,17 @@ def run(
             result.say(fitted.says)
             result.say_files(fitted.files)
             send_result(plan, loaded, outcome.campaign, fitted.says.partition("\n")[0], watch.warn)
+        if judged_by is not None:
+            from benchctl.app.accept import accept
+
+            judged = accept(outcome.campaign, judged_by).write(outcome.campaign)
+            result.values |= {"verdict": judged.verdict, **judged.files}
+            result.say(str(judged))
+            result.say_files(judged.files)
+            send_result(plan, loaded, outcome.campaign, str(judged).splitlines()[-1], watch.warn)
+            if judged.fails:
+                result.ok, result.error = False, judged.fails
+                raise typer.Exit(1)
         if rerun is not None:
             rerun.tell(outcome, result, watch.warn)
 
@@ -155,7 +172,6 @@ def _refuse_contradictions(
     procedure: str | None,
     parameter: list[str] | None,
     again: Path | None,
-    limits: Path | None,
     out: Path | None,
     resume: Path | None,
 ) -> None:
@@ -164,8 +180,6 @@ def _refuse_contradictions(
     if resume is not None and out is not None:
         raise UsageError(f"--out {out}: a campaign that is resumed stays in its folder, {resume}")
     if again is None:
-        if limits is not None:
-            raise UsageError(f"--limits {limits}: judges a run --again; benchctl accept judges a recording")
         return
     if procedure is not None:
         raise UsageError(f"--again {again}: names its procedure itself; leave {procedure} out")

@@ -29,8 +29,9 @@ def serve(
     With --bench, the procedures that the bench releases ([released.NAME]) can be checked and started from the page;
     such a run goes on if the server ends.
 
-    Prints the address and two tokens as one line of JSON, then serves until Ctrl-C or SIGTERM. `token` permits
-    stopping and starting a run; `view_token` permits viewing only. The server never changes a recording and runs at
+    Prints the address and three tokens as one line of JSON, then serves until Ctrl-C or SIGTERM. `view_token` permits
+    viewing; `token` also starting, answering and stopping runs; `release_token` also signing acceptances with the key
+    of [laboratory]. The server never changes a recording and runs at
     low priority, so that it does not disturb a run on the same machine. From another machine:
     `ssh -L 8123:127.0.0.1:8123 LAB-PC`, then open http://127.0.0.1:8123 there.
 
@@ -47,6 +48,7 @@ def serve(
         raise UsageError(f"{folder}: is not there, or is no folder; expected a folder with campaigns in it")
     try:
         from benchctl.dashboard.web.server import run_page
+        from benchctl.dashboard.web.sessions import Tokens
     except ModuleNotFoundError as err:
         if err.name not in _EXTRA:
             raise
@@ -58,9 +60,10 @@ def serve(
 
         station = Station(Path(bench), folder)
 
-    def ready(url: str, token: str, view_token: str) -> None:
-        tell(json.dumps({"url": url, "token": token, "view_token": view_token}))
-        tell(f"open {url}#{token}", err=True)
+    def ready(url: str, tokens: Tokens) -> None:
+        names = ("token", "view_token", "release_token")
+        tell(json.dumps({"url": url} | {name: getattr(tokens, name) for name in names}))
+        tell(f"open {url}#{tokens.token}", err=True)
 
     def warn(text: str) -> None:
         tell(f"benchctl: warning: {text}", err=True)

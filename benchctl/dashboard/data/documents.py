@@ -16,6 +16,7 @@ from benchctl.dashboard.data.contents import contents_of
 from benchctl.documents import read_json
 from benchctl.limits import read_whole, require_file
 from benchctl.recordings.reader import is_open_recording
+from benchctl.reports.acceptance.signed import check_signed
 from benchctl.reports.results import results_folder
 from benchctl_instruments.errors import UsageError
 
@@ -79,7 +80,19 @@ def document(path: Path, kind: Kind) -> dict[str, Any] | None:
     content = _summary(place, form)
     if content is None or not _is_of(_digests(content), _digest(path)):
         return None
-    return {key: _plain(content[key]) for key in form.keys if key in content}
+    signed = {"signed": signature_of(path)} if kind == "acceptance" else {}
+    return {key: _plain(content[key]) for key in form.keys if key in content} | signed
+
+
+def signature_of(path: Path) -> dict[str, Any] | None:
+    """Return by whom the acceptance of a campaign is signed, and what differs from what was signed; None if it is not.
+
+    Raises `UsageError` if a file cannot be read, or if the campaign cannot.
+    """
+    signature, problems = check_signed(_place(path, "acceptance"), _digest(path) or None, None)
+    if signature is None and not problems:
+        return None
+    return {"says": signature.says if signature else "", "problems": list(map(str, problems))}
 
 
 def report_of(path: Path, kind: Kind) -> bytes | None:

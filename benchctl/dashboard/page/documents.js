@@ -6,6 +6,7 @@ import { calibration } from "./calibration.js";
 import { diagnosis } from "./diagnosis.js";
 import { el, fill } from "./dom.js";
 import { fullReport } from "./report.js";
+import { signing } from "./sign.js";
 
 /** The view of what `benchctl fit` stated. */
 export function calibrationView(body, { campaign, signal }) {
@@ -19,7 +20,12 @@ export function diagnosisView(body, { campaign, signal }) {
 
 /** The view of what `benchctl accept` stated. */
 export function acceptanceView(body, { campaign, signal }) {
-  return documentView(body, campaign, "acceptance", acceptance, signal);
+  const again = () => acceptanceView(body, { campaign, signal });
+  const summary = (found) => {
+    const parts = [acceptance(found), signing(campaign, found, again)];
+    return found.signed ? parts.reverse() : parts; // it is signed below what was read, and seen above
+  };
+  return documentView(body, campaign, "acceptance", summary, signal);
 }
 
 async function documentView(body, campaign, kind, summary, signal) {

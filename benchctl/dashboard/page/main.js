@@ -79,8 +79,9 @@ function drawTop(place) {
 }
 
 function roleName() {
-  if (session.mayStart) return "may start and stop runs";
-  return session.role === "operator" ? "may stop runs" : "looks only";
+  if (!session.mayOperate) return "looks only";
+  const runs = session.mayStart ? "may start and stop runs" : "may stop runs";
+  return session.maySign ? `${runs}, and sign` : runs;
 }
 
 async function leave() {

@@ -19,7 +19,7 @@ export class Prompt {
     this.root.hidden = !question;
     if (!question) return void fill(this.root);
     const text = el("p", { class: "what" }, el("b", {}, "Now: "), question.text);
-    if (session.role !== "operator")
+    if (!session.mayOperate)
       return void fill(this.root, text, el("p", { class: "how" }, "The run waits for the operator."));
     const who = nameField("answerer", this.campaign.operator);
     const wrong = el("p", { class: "wrong" });

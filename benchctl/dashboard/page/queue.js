@@ -48,7 +48,7 @@ export class QueuePanel {
       this.body,
       el("h2", {}, "Queue"),
       isOn && el("p", {}, "On the bench: ", campaignLink(run), ` (${run.title}, ${run.serial}, ${run.who})`),
-      held && this.hold(queue),
+      held && !isOn && this.hold(queue),
       waiting.length > 0 &&
         el(
           "ol",

@@ -7,13 +7,14 @@ import { el } from "./dom.js";
 export function fullReport(campaign, kind) {
   const place = el("div", {});
   const title = `The full ${kind} report of ${campaign.name}`;
+  const source = campaignPath(campaign.id, `/documents/${kind}/report`);
   const button = el("button", { type: "button", "aria-expanded": "false", onclick: toggle }, "Open the full report");
   function toggle() {
     const open = !place.firstChild;
-    const source = campaignPath(campaign.id, `/documents/${kind}/report`);
     place.replaceChildren(...(open ? [el("iframe", { sandbox: "", src: source, title, class: "report" })] : []));
     button.textContent = open ? "Close the full report" : "Open the full report";
     button.setAttribute("aria-expanded", String(open));
   }
-  return el("div", {}, button, place);
+  const print = el("a", { href: source, target: "_blank", rel: "noopener" }, "To print it: open it in a window of its own");
+  return el("div", {}, el("div", { class: "buttons" }, button, print), place);
 }

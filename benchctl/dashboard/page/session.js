@@ -3,8 +3,11 @@
 import { ApiError, change, get, useCsrf } from "./api.js";
 import { el, fill, say } from "./dom.js";
 
-/** The session: `role` is "operator", who may stop runs, "viewer", or "" without a session; `mayStart`: may start runs. */
-export const session = { role: "", mayStart: false };
+/**
+ * The session: `role` is "viewer", "operator", "releaser", or "" without a session; `mayOperate`: may answer and stop
+ * runs, `mayStart`: may start runs here, `maySign`: may sign acceptances here.
+ */
+export const session = { role: "", mayOperate: false, mayStart: false, maySign: false };
 
 /** Set while there is a session: who has none is asked for a token at once, not after a refusal. */
 const KNOWN = "benchctl-session";
@@ -116,8 +119,8 @@ export function nameField(id, usual) {
   return input;
 }
 
-function accept({ role, csrf, may_start: mayStart }) {
-  Object.assign(session, { role, mayStart });
+function accept({ role, csrf, may_start: mayStart, may_sign: maySign }) {
+  Object.assign(session, { role, mayOperate: role !== "viewer", mayStart, maySign });
   localStorage.setItem(KNOWN, "1");
   useCsrf(csrf);
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hmac
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Depends, Header
 from starlette.requests import HTTPConnection, Request
@@ -12,8 +12,8 @@ from starlette.responses import Response
 
 from benchctl.dashboard.web.answers import RefusalError
 from benchctl.dashboard.web.models import Error, SessionSaid
-from benchctl.dashboard.web.sessions import Role
-from benchctl.dashboard.web.site import SiteOf
+from benchctl.dashboard.web.sessions import Role, Session
+from benchctl.dashboard.web.site import Site, SiteOf
 
 _HARMLESS = frozenset({"GET", "HEAD"})
 
@@ -24,6 +24,17 @@ class Caller:
 
     role: Role
     secret: str | None = None
+
+
+_TOKENS: dict[Role, str] = {"operator": "token or release_token", "releaser": "release_token"}
+
+
+def require(caller: Caller, role: Role, what: str) -> None:
+    """Raise `RefusalError` 403 if a client has less than a role; `what` takes it, such as "signs an acceptance"."""
+    roles = get_args(Role)
+    if roles.index(caller.role) < roles.index(role):
+        may = "only looks" if caller.role == "viewer" else "does not sign"
+        raise RefusalError(403, f"this token {may}; who {what} logs in with {_TOKENS[role]} of benchctl serve")
 
 
 async def caller_of(connection: HTTPConnection, site: SiteOf) -> Caller:
@@ -79,7 +90,7 @@ async def log_in(site: SiteOf, role: TokenRoleOf, response: Response) -> Session
     """Begin a session by a token; its cookie is set."""
     secret, session = site.sessions.begin(role)
     response.set_cookie(site.cookie, secret, path="/", httponly=True, samesite="strict")
-    return SessionSaid(role=session.role, csrf=session.csrf, may_start=site.may_start(session.role))
+    return _said(session, site)
 
 
 @router.get("", openapi_extra=ONLY_SESSION)
@@ -88,7 +99,7 @@ async def session_now(site: SiteOf, request: Request) -> SessionSaid:
     session = site.sessions.find(request.cookies.get(site.cookie, ""))
     if session is None:
         raise _no_session()
-    return SessionSaid(role=session.role, csrf=session.csrf, may_start=site.may_start(session.role))
+    return _said(session, site)
 
 
 @router.delete("", status_code=204, openapi_extra=ONLY_SESSION, responses={403: {"model": Error}})
@@ -98,6 +109,11 @@ async def log_out(site: SiteOf, caller: CallerOf, response: Response, x_csrf: Cs
         raise _no_session()
     site.sessions.end(caller.secret)
     response.delete_cookie(site.cookie, path="/", httponly=True, samesite="strict")
+
+
+def _said(session: Session, site: Site) -> SessionSaid:
+    role = session.role
+    return SessionSaid(role=role, csrf=session.csrf, may_start=site.may_start(role), may_sign=site.may_sign(role))
 
 
 def _no_session() -> RefusalError:

@@ -12,7 +12,7 @@ from benchctl.campaign.stop import NotRunningError, ask_by_file
 from benchctl.dashboard.data.details import details_of
 from benchctl.dashboard.data.documents import Kind, document, report_of
 from benchctl.dashboard.data.events import events_after
-from benchctl.dashboard.web.access import CallerOf, CsrfHeader
+from benchctl.dashboard.web.access import CallerOf, CsrfHeader, require
 from benchctl.dashboard.web.answers import RefusalError, answer
 from benchctl.dashboard.web.gate import REPORT_POLICY
 from benchctl.dashboard.web.models import (
@@ -106,8 +106,7 @@ async def stop(
     key: Key, order: StopOrder, site: SiteOf, caller: CallerOf, x_csrf: CsrfHeader = None
 ) -> dict[str, bool]:
     """Request a run to stop as with Ctrl-C: table at rest, chamber safe, both read back, the recording closed."""
-    if caller.role != "operator":
-        raise RefusalError(403, "this token only looks; a run is stopped with the other one, or at its terminal")
+    require(caller, "operator", "stops a run")
     await site.quick.run(lambda: _ask_to_stop(site, key, order))
     return {"asked": True}
 

@@ -24,11 +24,12 @@ class Error(Exact):
 
 
 class SessionSaid(Exact):
-    """A session: its role, the CSRF token to be sent as `X-CSRF` with every change, and whether it may start runs."""
+    """A session: its role, the CSRF token to be sent as `X-CSRF` with every change, and what it may do here."""
 
     role: Role
     csrf: str
     may_start: bool
+    may_sign: bool
 
 
 class Has(Exact):
@@ -200,8 +201,15 @@ class Diagnosis(Exact):
     map: Any = None
 
 
+class Signed(Exact):
+    """By whom an acceptance is signed, as `benchctl verify` states it, and what differs from what was signed."""
+
+    says: str
+    problems: list[str]
+
+
 class Acceptance(Exact):
-    """Summary of the acceptance tests of a gyro; keys as in `acceptance.json`."""
+    """Summary of the acceptance tests of a gyro; keys as in `acceptance.json`; `signed` is null without a signature."""
 
     verdict: str
     tally: str | None = None
@@ -212,6 +220,7 @@ class Acceptance(Exact):
     limits: Any = None
     rule: Any = None
     anomalies: Any = None
+    signed: Signed | None = None
 
 
 class History(BaseModel):
@@ -348,17 +357,23 @@ class Queue(Exact):
     waiting: list[QueuedOrder]
 
 
-class RemoveOrder(Exact):
-    """The name of the person who removes an order from the queue."""
+class ByOrder(Exact):
+    """The name of the person who changes something."""
 
     who: Word
 
 
-class GoOnOrder(RemoveOrder):
+class GoOnOrder(ByOrder):
     """The hold that is ended, as `Queue` has it, by whom, and whether the run that ended early is resumed first."""
 
     hold: int = Field(ge=0, le=1 << 31)
     resume: bool
+
+
+class SignOrder(ByOrder):
+    """The verdict that a person has seen and has signed, and the name of that person, for the station's journal."""
+
+    verdict: Literal["PASS", "FAIL", "INCONCLUSIVE"]
 
 
 class AnswerOrder(Exact):

@@ -167,12 +167,12 @@ def run_page(
     station: Station | None,
     explain: Explain,
     glossary: Glossary,
-    ready: Callable[[str, str, str], None],
+    ready: Callable[[str, Tokens], None],
     warn: Callable[[str], None],
 ) -> None:
     """Serve the campaigns below `root` until Ctrl-C or SIGTERM.
 
-    `ready` is called with the address, the token and the read-only token when requests can be served; `warn` is called
+    `ready` is called with the address and the tokens when requests can be served; `warn` is called
     earlier with security warnings. After the start the process opens no files outside `root` (`benchctl.confined`).
     Raises `UsageError` if the port is not available.
     """
@@ -201,7 +201,7 @@ def run_page(
         )
 
         def tell_ready() -> None:
-            ready(_url(host, bound_port), tokens.token, tokens.view_token)
+            ready(_url(host, bound_port), tokens)
             threading.Thread(target=_warm_up, daemon=True).start()
 
         serve_until(stop, page_app(site, own_names(host)), sock, tell_ready, site)

@@ -1,4 +1,4 @@
-"""The server's two tokens, and the sessions of browsers that have logged in with one.
+"""The server's three tokens, and the sessions of browsers that have logged in with one.
 
 A browser sends its cookie instead of the token, and a second secret (CSRF) that other sites cannot read.
 """
@@ -13,7 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
-Role = Literal["operator", "viewer"]
+Role = Literal["viewer", "operator", "releaser"]
+"""Who looks, who also starts, answers and stops runs, and who also signs acceptances: each may what the one before may.
+"""
 
 
 def new_secret() -> str:
@@ -23,20 +25,24 @@ def new_secret() -> str:
 
 @dataclass(frozen=True, slots=True)
 class Tokens:
-    """The secrets, new for every server and never stored; with `read_only` neither may stop a run."""
+    """The secrets, new for every server and never stored; with `read_only` all may view only."""
 
     read_only: bool = False
     token: str = field(default_factory=new_secret, repr=False)
     view_token: str = field(default_factory=new_secret, repr=False)
+    release_token: str = field(default_factory=new_secret, repr=False)
 
     def role_of(self, shown: str) -> Role | None:
         """Return the role of a token; None for an unknown one. Runs in constant time."""
-        given = shown.encode()
-        is_token = hmac.compare_digest(given, self.token.encode())
-        is_view_token = hmac.compare_digest(given, self.view_token.encode())
-        if is_token:
-            return "viewer" if self.read_only else "operator"
-        return "viewer" if is_view_token else None
+        tokens: dict[Role, str] = {
+            "viewer": self.view_token,
+            "operator": self.token,
+            "releaser": self.release_token,
+        }
+        roles = [role for role, token in tokens.items() if hmac.compare_digest(shown.encode(), token.encode())]
+        if not roles:
+            return None
+        return "viewer" if self.read_only else roles[0]
 
 
 MOST_SESSIONS = 256

@@ -27,8 +27,8 @@ Glossary = Callable[[], str]
 class Site:
     """The campaigns below `root`, for those who know the `tokens`; `cookie` is the name of a session's cookie.
 
-    `station` starts released procedures, one job of `starting` after another. Quick reads have separate threads, so
-    that they do not wait for long ones.
+    `station` starts released procedures, one job of `starting` after another, and signs, one job of `signing` after
+    another. Quick reads have separate threads, so that they do not wait for long ones.
     """
 
     root: Path
@@ -41,6 +41,7 @@ class Site:
     series: SeriesReader
     station: Station | None
     starting: Readers
+    signing: Readers = field(default_factory=lambda: Readers("signing", threads=1, waiting=4, within_s=600.0))
     sessions: Sessions = field(default_factory=Sessions)
     rooms: Rooms = field(default_factory=Rooms)
     quick: Readers = field(default_factory=lambda: Readers("quick", threads=3, waiting=64))
@@ -48,7 +49,11 @@ class Site:
 
     def may_start(self, role: Role) -> bool:
         """Return whether a role may start a run here."""
-        return self.station is not None and role == "operator"
+        return self.station is not None and role != "viewer"
+
+    def may_sign(self, role: Role) -> bool:
+        """Return whether a role may sign an acceptance here."""
+        return self.station is not None and self.station.key is not None and role == "releaser"
 
     def path_of(self, key: str) -> Path:
         """Return a campaign's path; `RefusalError` 404 for an unknown id. Reads the disk."""

@@ -10,17 +10,19 @@ from fastapi import APIRouter
 from fastapi import Path as PathParameter
 from starlette.responses import Response
 
-from benchctl.app.station import NotStartedError, Station
+from benchctl.app.station import NotSignedError, NotStartedError, Station
 from benchctl.app.station_journal import Order
 from benchctl.campaign.page_operator import NotAskedError, answer_question
 from benchctl.campaign.stop import NotRunningError
-from benchctl.dashboard.web.access import Caller, CallerOf, CsrfHeader
+from benchctl.dashboard.data.documents import signature_of
+from benchctl.dashboard.web.access import Caller, CallerOf, CsrfHeader, require
 from benchctl.dashboard.web.answers import RefusalError, answer
 from benchctl.dashboard.web.campaign_routes import Key
 from benchctl.dashboard.web.models import (
     ORDER_ID,
     AnswerOrder,
     AnswerTaken,
+    ByOrder,
     Checked,
     CheckOrder,
     Error,
@@ -28,7 +30,8 @@ from benchctl.dashboard.web.models import (
     Queue,
     Released,
     ReleasedProcedure,
-    RemoveOrder,
+    Signed,
+    SignOrder,
     Started,
     StartOrder,
 )
@@ -88,7 +91,7 @@ async def put(order: StartOrder, site: SiteOf, caller: CallerOf, x_csrf: CsrfHea
 @router.post("/queue/{order}/remove", status_code=202, response_model=Queue, responses=_change)
 async def remove(
     order: Annotated[str, PathParameter(pattern=ORDER_ID)],
-    who: RemoveOrder,
+    who: ByOrder,
     site: SiteOf,
     caller: CallerOf,
     x_csrf: CsrfHeader = None,
@@ -113,7 +116,7 @@ async def answer_run(
     key: Key, order: AnswerOrder, site: SiteOf, caller: CallerOf, x_csrf: CsrfHeader = None
 ) -> dict[str, bool]:
     """Answer the open question of a run that was started with --page; a refusal ends it as Stop does."""
-    _require_operator(caller)
+    require(caller, "operator", "answers a run")
     try:
         await site.quick.run(
             lambda: answer_question(site.path_of(key), order.question, done=order.answer == "done", who=order.who)
@@ -123,18 +126,30 @@ async def answer_run(
     return {"taken": True}
 
 
+@router.post("/campaigns/{key}/sign", status_code=202, response_model=Signed, responses=_change)
+async def sign(key: Key, order: SignOrder, site: SiteOf, caller: CallerOf, x_csrf: CsrfHeader = None) -> dict[str, Any]:
+    """Sign the acceptance of a campaign with the key of the laboratory on this station, as `benchctl accept --sign`."""
+    require(caller, "releaser", "signs an acceptance")
+    if (station := site.station) is None:
+        raise RefusalError(404, _NO_STATION)
+    try:
+        signed = await site.signing.run(lambda: _signed(site, station, key, order))
+    except NotSignedError as err:
+        raise RefusalError(409, str(err)) from err
+    await site.starting.run(lambda: station.journal.note("signed", by=order.who, **signed))
+    return dict(signed["signed"])
+
+
+_NO_STATION = "this server starts and signs nothing: benchctl serve --bench names what may be started"
+
+
 def _station(site: Site, caller: Caller, procedure: str | None = None) -> Station:
-    _require_operator(caller)
+    require(caller, "operator", "starts or queues a run")
     if site.station is None:
-        raise RefusalError(404, "this server starts nothing: benchctl serve --bench names what may be started")
+        raise RefusalError(404, _NO_STATION)
     if procedure is not None and procedure not in site.station.procedures:
         raise RefusalError(404, "no procedure of this name is released; ask for /api/released again")
     return site.station
-
-
-def _require_operator(caller: Caller) -> None:
-    if caller.role != "operator":
-        raise RefusalError(403, "this token only looks; a run is started and answered with the other one")
 
 
 async def _carried_out(site: Site, job: Callable[[], T]) -> T:
@@ -142,6 +157,14 @@ async def _carried_out(site: Site, job: Callable[[], T]) -> T:
         return await site.starting.run(job)
     except NotStartedError as err:
         raise RefusalError(409, str(err)) from err
+
+
+def _signed(site: Site, station: Station, key: str, order: SignOrder) -> dict[str, Any]:
+    folder, altered = site.path_of(key), site.catalogue.entry(key)["altered"]
+    if altered:
+        raise NotSignedError(altered)
+    station.sign(folder, order.verdict)
+    return {"campaign": folder.name, "signed": signature_of(folder)}
 
 
 def _order(order: StartOrder) -> Order:

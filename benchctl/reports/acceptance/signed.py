@@ -127,6 +127,12 @@ class Signature:
     recording: str
     accepted_by: Path | None
 
+    @property
+    def says(self) -> str:
+        """Who signed what, in a line."""
+        when = f"{self.signed:%Y-%m-%d %H:%M} UTC"
+        return f"signed by {self.name}, key {self.fingerprint}, {when}: {self.verdict}, {self.unit}"
+
 
 def check_signed(
     folder: Path, recording_digest: str | None, signers: Path | None

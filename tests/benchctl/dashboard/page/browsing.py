@@ -41,6 +41,7 @@ class Served:
     url: str
     token: str
     view_token: str
+    release_token: str
 
 
 @dataclass

@@ -27,6 +27,7 @@ class Served:
     url: str
     token: str
     view_token: str
+    release_token: str
 
     @property
     def port(self) -> int:

@@ -52,6 +52,7 @@ CHANGES: list[tuple[str, dict[str, Any]]] = [
     ("/api/queue/go_on", {"who": "A. Ohm", "hold": 1, "resume": False}),
     ("/api/queue/go_on", {"who": "A. Ohm", "hold": 1, "resume": True}),
     ("/api/campaigns/0123456789abcdef/stop", {"confirm": "x"}),
+    ("/api/campaigns/0123456789abcdef/sign", {"who": "A. Ohm", "verdict": "PASS"}),
     ("/api/campaigns/0123456789abcdef/answer", ANSWER),
 ]
 
