@@ -204,13 +204,20 @@ class _Rows:
 
     @cached_property
     def bridges(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        """Rows that do not count, and the rows between which they are interpolated, since the filter has a memory."""
+        """Rows that do not count, and the rows between which they are interpolated, since the filter has a memory.
+
+        If many rows are bridged in this way, each has the value before it instead: a value interpolated to the next one
+        would foretell it.
+        """
         good, spoilt = self.counted, np.flatnonzero(self.weight <= 0.0)
         if good.size == 0:
             return spoilt[:0], good, good, np.zeros(0)
         place = np.searchsorted(good, spoilt)
         before, after = good[np.maximum(place - 1, 0)], good[np.minimum(place, good.size - 1)]
         share = (spoilt - before) / np.maximum(after - before, 1)
+        bridged = after - before <= _BRIDGED + 1
+        if 2 * np.count_nonzero(bridged) > good.size:
+            share[bridged] = 0.0
         return spoilt, before, after, np.clip(share, 0.0, 1.0)
 
     @cached_property

@@ -43,7 +43,7 @@ class Frame:
     recording. `temp_c` is the gyro's thermistor, smoothed; `thermistor` names the channel used, if the gyro has none.
     `pauses` are the thermistor readings before a stretch, if known. `filled` rows were not measured; `left_out` is the
     number of rows omitted from a very long recording. If the motion goes `beyond` the band of the filters, the wide
-    filter was used for all of it.
+    filter was used for all of it. The motion of a noisy encoder is low-passed beyond `known_hz`.
     """
 
     infos: tuple[StepInfo, ...]
@@ -68,6 +68,12 @@ class Frame:
     filled: BoolArray | None = None
     beyond: bool = False
     left_out: int = 0
+    known_hz: float | None = None
+
+    @property
+    def reach(self) -> int:
+        """Number of rows on either side that contribute to the motion of a row."""
+        return max(one.size for one in self.motions[0].filters) // 2
 
     @property
     def rows(self) -> int:
@@ -162,6 +168,7 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
         filled=np.concatenate([step.channels.get(FILLED, np.zeros(step["time_s"].size)) > 0.0 for step in steps]),
         beyond=beyond,
         left_out=taken.left_out,
+        known_hz=None,
     )
 
 

@@ -113,6 +113,12 @@ def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> I
                 "The gyro's temperature is steady wherever samples were taken: what depends on how fast it changes is"
                 " not observable in this recording."
             )
+    if frame.known_hz is not None:
+        yield (
+            f"The encoder's rate is noisy: beyond {frame.known_hz:.3g} Hz it has little in common with the gyro. Faster"
+            " motion is left out of the model, and a wandering bias is not looked for, because what remains of that"
+            " noise is as slow."
+        )
     if band is not None:
         yield (
             f"The motion goes beyond the band in which an encoder's angles make a rate: gyro and model are compared"

@@ -18,15 +18,17 @@ from benchctl.diagnosis.gyro.frame import Frame, frame_of
 from benchctl.diagnosis.gyro.frame_subsample import pieces_of, thinned
 from benchctl.diagnosis.gyro.limits import at_rest, limits_of
 from benchctl.diagnosis.gyro.model import checked_model, straight_line
+from benchctl.diagnosis.gyro.noisy_reference import without_noise
 from benchctl.diagnosis.gyro.response import Contrast, Response, contrast_of, response_of
 from benchctl.diagnosis.gyro.rounding import rounding_between
 from benchctl.diagnosis.gyro.subsample import most_rows
 from benchctl.diagnosis.series import cut
+from benchctl.estimation.wandering import PROCESSES
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.signals.binning import hats
 from benchctl.signals.free_band import Band, band_of, shared_motion
-from benchctl.signals.rate import WIDE, differentiator, edges_hz, filtered_along, half_of
+from benchctl.signals.rate import WIDE, differentiator, edges_hz, filtered_along
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.effect import DescribedEffect, PhysicalEffect
@@ -79,8 +81,12 @@ class GyroProblem(GyroBaseline):
 
     @cached_property
     def noises(self) -> frozenset[str]:
-        """Random walk of the bias, flicker, and noise that grows with the rate."""
-        return frozenset({"bias_random_walk", "flicker_noise", "noise_rate_dependent"} - self.without)
+        """Random walk of the bias, flicker, and noise that grows with the rate.
+
+        Noise of the reference within the band of its motion is slow as the first two are.
+        """
+        slow = set(PROCESSES) if self.frame.known_hz is None else set()
+        return frozenset({*slow, "noise_rate_dependent"} - self.without)
 
     @cached_property
     def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
@@ -292,7 +298,7 @@ class GyroProblem(GyroBaseline):
         one_recording = len(set(self.frame.origins_s)) == 1
         if not self.is_long or self.band is not None or not one_recording:
             return None
-        reach = half_of(1.0 / self.frame.interval_s)
+        reach = self.frame.reach
         frame, rows = thinned(self.frame, pieces_of(self.frame, _PIECE * reach))
         usable = self.usable[rows]
         for part in frame.stretches:  # rows within the reach of the output's filters
@@ -370,7 +376,7 @@ def gyro_problem(
     stated = model or recording.meta.simulation
     simulation = None if stated is None else checked_model(stated, where=where, digital=digital)
     temperature_c = _ROOM_C if simulation is None else float(simulation["T0_c"])
-    frame = at_rest(frame_of(recording, temperature_c=temperature_c, most=most_rows()))
+    frame = without_noise(at_rest(frame_of(recording, temperature_c=temperature_c, most=most_rows())))
     if simulation is None:
         simulation = _line(recording, frame, digital=digital)
     frame = frame if whole_steps else _cut(frame)
@@ -478,7 +484,7 @@ def _cut(frame: Frame) -> Frame:
 def _usable(frame: Frame, limit_v: float, band: Band | None) -> BoolArray:
     """Return the rows made of complete windows of measured values, with a finite output within the limit."""
     usable = np.isfinite(frame.volts) & (np.abs(frame.volts) < limit_v)
-    reach = half_of(1.0 / frame.interval_s) + (0 if band is None else band.reach)
+    reach = frame.reach + (0 if band is None else band.reach)
     for part in frame.stretches:
         usable[part.start : part.start + reach] = False
         usable[max(part.stop - reach, part.start) : part.stop] = False

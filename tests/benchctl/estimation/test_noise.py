@@ -177,6 +177,18 @@ def test_the_likelihood_of_a_walk_is_exact_however_many_rows_are_spoilt(spoilt: 
     assert likelihood(filtered, x) + missing == pytest.approx(exact, abs=0.03)
 
 
+@pytest.mark.parametrize("rows_per_value", [2, 3, 4])
+def test_in_white_noise_of_which_each_value_is_repeated_a_walk_is_as_unlikely_as_it_is(rows_per_value: int) -> None:
+    weight = np.zeros(300)
+    weight[::rows_per_value] = 1.0
+    good, filtered = weight > 0.0, whitener(walk(5.0, DT), weight=weight)
+    covariance = dense(filtered)[np.ix_(good, good)]
+    x = noise(seed=6)
+    missing = 0.5 * (300 - good.sum()) * math.log(2.0 * math.pi * filtered.innovation**2)
+    exact = multivariate_normal(np.zeros(good.sum()), covariance).logpdf(x[good])
+    assert likelihood(filtered, x) + missing == pytest.approx(exact, abs=3.0)
+
+
 def test_the_likelihood_of_a_walk_without_a_gap_is_exact() -> None:
     filtered = whitener(walk(2.0, DT), 200)
     covariance = dense(filtered)
