@@ -30,7 +30,17 @@ from benchctl.reports.fleet_facts import (
     spreads,
 )
 from benchctl.reports.fleet_stated import FleetVerb, FoundEffect
-from benchctl.reports.history_charts import amount, padded, power, shortened, svg_of, text_at
+from benchctl.reports.history_charts import (
+    amount,
+    element,
+    line,
+    padded,
+    power,
+    ring,
+    shortened,
+    svg_of,
+    text_at,
+)
 from benchctl.reports.html import render, write_page
 from benchctl.reports.results import make_folder
 
@@ -160,9 +170,11 @@ def spread_chart(spread: Spread) -> Markup:
     edges = [-limit, limit] if 0.0 < limit <= max(map(abs, offsets)) * (1.0 + _FAR) else []
     across = padded([*offsets, *edges], _SIDE, _WIDTH - _SIDE)
     floor = _HEIGHT - _BOTTOM
-    parts = [_upright(across.place(0.0), floor, _BLUE, "")]
-    parts += [_upright(across.place(edge), floor, _BLUE, "4 3") for edge in edges]
-    parts.append(Markup('<line x1="0" x2="{0}" y1="{1}" y2="{1}" stroke="#999"/>').format(_WIDTH, floor))
+    parts = []
+    for edge, dashes in ((0.0, ""), *((edge, "4 3") for edge in edges)):
+        x = across.place(edge)
+        parts.append(line(x, 2.0, x, floor, _BLUE, stroke_dasharray=dashes))
+    parts.append(line(0.0, floor, _WIDTH, floor, "#999"))
     for value, written in across.ticks():
         parts.append(text_at(across.place(value), floor + 11.0, written, "middle"))
     scale = power(across).removeprefix("× ") if across.exponent else ""
@@ -179,7 +191,8 @@ def spread_chart(spread: Spread) -> Markup:
             member, figure = spread.values[number]
             caption = f"{label(member)}: {amount(figure.value, figure.uncertainty, spread.unit)}"
             x, y = (place + 0.5) * _DOT, floor - _DOT / 2 - height * rise
-            parts.append(_dot(x, y, _DOT / 2 - 0.3, INK, caption, ring=member.recording in apart))
+            dot = element("circle", cx=x, cy=y, r=_DOT / 2 - 0.3, fill=INK)
+            parts.append(element("g", element("title", caption), dot, ring(x, y) if member.recording in apart else ""))
     return svg_of(_WIDTH, _HEIGHT, 9.5, parts)
 
 
@@ -194,7 +207,7 @@ def effects_chart(found: Sequence[Recurring], of: Sequence[Member]) -> Markup:
     parts = []
     for row, one in enumerate(found):
         floor = _ROW * (row + 1)
-        parts.append(Markup('<line x1="{0}" x2="{1}" y1="{2}" y2="{2}" stroke="#bbb"/>').format(_NAMES, _WIDE, floor))
+        parts.append(line(_NAMES, floor, _WIDE, floor, "#bbb"))
         parts.append(text_at(_NAMES - 10.0, floor - 6.0, f"{one.effect}  {one.count}/{len(of)}", "end"))
         largest = max((abs(size) for size in one.sizes), default=0.0)
         for member, effect in sorted(
@@ -208,11 +221,8 @@ def effects_chart(found: Sequence[Recurring], of: Sequence[Member]) -> Markup:
     if len(of) <= _MOST_LABELS:
         for number, member in enumerate(of):
             x = _NAMES + (number + 0.5) * wide
-            parts.append(
-                Markup('<text transform="translate({:.1f} {:.1f}) rotate(-60)" text-anchor="end">{}</text>').format(
-                    x + 3.0, height + 10.0, shortened(member.name)
-                )
-            )
+            turned = f"translate({x + 3.0:.1f} {height + 10.0:.1f}) rotate(-60)"
+            parts.append(element("text", shortened(member.name), transform=turned, text_anchor="end"))
         longest = max(len(shortened(member.name)) for member in of)
         height += 14.0 + 5.2 * longest
     return svg_of(_WIDE, height, 10.5, parts)
@@ -247,25 +257,11 @@ def tests_chart(tests: Mapping[str, Mapping[str, Sequence[Member]]]) -> Markup:
             title = f"{name}: {count} {verdict}: {who}"
             parts.append(_bar(x, y + 3.0, width, _ROW - 6.0, _COLOURS[verdict], title))
             if width > 14.0:
-                white = Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="middle" fill="#fff">{}</text>')
-                parts.append(white.format(x + width / 2, y + _ROW / 2 + 3.5, count))
+                parts.append(text_at(x + width / 2, y + _ROW / 2 + 3.5, str(count), "middle", fill="#fff"))
             x += width
     return svg_of(_WIDE, _ROW * len(tests), 10.5, parts)
 
 
-def _dot(x: float, y: float, radius: float, colour: str, title: str, *, ring: bool) -> Markup:
-    around = Markup('<circle cx="{:.1f}" cy="{:.1f}" r="5.5" fill="none" stroke="{}" stroke-width="1.6"/>')
-    dot = Markup('<g><title>{}</title><circle cx="{:.1f}" cy="{:.1f}" r="{:.1f}" fill="{}"/>{}</g>')
-    return dot.format(title, x, y, radius, colour, around.format(x, y, _ORANGE) if ring else "")
-
-
 def _bar(x: float, y: float, width: float, height: float, colour: str, title: str) -> Markup:
-    return Markup(
-        '<g><title>{}</title><rect x="{:.1f}" y="{:.1f}" width="{:.2f}" height="{:.1f}" fill="{}"/></g>'
-    ).format(title, x, y, width, height, colour)
-
-
-def _upright(x: float, floor: float, colour: str, dashes: str) -> Markup:
-    return Markup('<line x1="{0:.1f}" x2="{0:.1f}" y1="2" y2="{1}" stroke="{2}" stroke-dasharray="{3}"/>').format(
-        x, floor, colour, dashes
-    )
+    bar = element("rect", x=x, y=y, width=f"{width:.2f}", height=height, fill=colour)
+    return element("g", element("title", title), bar)

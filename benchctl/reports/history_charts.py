@@ -7,7 +7,7 @@ files is escaped. A point shows its numbers as a tooltip.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -73,19 +73,37 @@ def power(axis: Axis) -> str:
     return text.raised(f"× 10^{axis.exponent}")
 
 
-def text_at(x: float, y: float, words: str, anchor: str) -> Markup:
+def element(tag: str, *contents: str, **attributes: object) -> Markup:
+    """Return an SVG element; `stroke_width` is stroke-width, numbers have one decimal, empty texts are left out."""
+    written = [
+        Markup(' {}="{}"').format(name.replace("_", "-"), f"{value:.1f}" if isinstance(value, float) else value)
+        for name, value in attributes.items()
+        if value != ""
+    ]
+    return Markup("<{0}{1}>{2}</{0}>").format(tag, Markup("").join(written), Markup("").join(contents))
+
+
+def text_at(x: float, y: float, words: str, anchor: str, **more: object) -> Markup:
     """Return a text element; `anchor` is SVG's: start, middle or end."""
-    return Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="{}">{}</text>').format(x, y, anchor, words)
+    return element("text", words, x=x, y=y, text_anchor=anchor, **more)
+
+
+def line(x1: float, y1: float, x2: float, y2: float, colour: str, **more: object) -> Markup:
+    """Return a straight line."""
+    return element("line", x1=x1, x2=x2, y1=y1, y2=y2, stroke=colour, **more)
+
+
+def ring(x: float, y: float) -> Markup:
+    """Return the ring around a conspicuous point."""
+    return element("circle", cx=x, cy=y, r=5.5, fill="none", stroke=_FLAGGED, stroke_width=1.6)
 
 
 def svg_of(width: float, height: float, font_size: float, parts: Sequence[Markup]) -> Markup:
     """Return an SVG picture of these parts."""
-    return Markup('<svg viewBox="0 0 {:.0f} {:.0f}" font-size="{}" fill="#444">{}</svg>').format(
-        width, height, font_size, Markup("").join(parts)
-    )
+    return element("svg", *parts, viewBox=f"0 0 {width:.0f} {height:.0f}", font_size=font_size, fill="#444")
 
 
-_CONTROL, _LIMIT, _FLAGGED = "#0072B2", "#B3261E", "#D55E00"
+_CONTROL, _LIMIT, _FLAGGED, _FAINT = "#0072B2", "#B3261E", "#D55E00", "#e6e6e6"
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 280.0, 138.0, 52.0, 8.0, 15.0, 18.0
 _ROW, _WIDE, _NAMES = 19.0, 850.0, 170.0
 _FAR = 2.0
@@ -112,18 +130,21 @@ def time_chart(charted: Charted) -> Markup:
         )
     ]
     up = padded([low, high, *limits], _HEIGHT - _BOTTOM, _TOP)
-    parts = [_scale(up), *_dates(points)]
-    parts += [_line(up.place(limit), _LIMIT, 1.2, "") for limit in limits]
+    parts = [*_scale(up), *_dates(points)]
+    parts += [_level(up.place(limit), _LIMIT, 1.2) for limit in limits]
     if charted.control is not None:
-        parts.append(_line(up.place(charted.control.centre), _CONTROL, 0.8, ""))
-        parts += [_line(up.place(limit), _CONTROL, 0.8, "4 3") for limit in (charted.control.low, charted.control.high)]
+        parts.append(_level(up.place(charted.control.centre), _CONTROL, 0.8))
+        parts += [
+            _level(up.place(limit), _CONTROL, 0.8, "4 3") for limit in (charted.control.low, charted.control.high)
+        ]
     places = [(across.place(moment), up.place(point.value)) for moment, point in zip(moments, points, strict=True)]
-    parts.append(_path(places))
+    corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+    parts.append(element("polyline", points=corners, fill="none", stroke=GREY, stroke_width=0.7))
     flagged = {flag.campaign for flag in charted.flags if flag.kind in ("outside_limits", "fails")}
     for point, (x, y) in zip(points, places, strict=True):
         error = None if point.uncertainty is None else abs(up.place(point.uncertainty) - up.place(0.0))
-        title = Markup("<title>{}</title>").format(point_text(charted.series, point))
-        parts.append(_mark(x, y, point, error, title, ring=point.campaign in flagged, upright=True))
+        title = point_text(charted.series, point)
+        parts.append(_mark(x, y, point, error, title, ringed=point.campaign in flagged, upright=True))
     return svg_of(_WIDTH, _HEIGHT, 9.5, parts)
 
 
@@ -135,29 +156,23 @@ def units_chart(series: Sequence[FigureSeries], siblings: Siblings | None) -> Ma
     near = [edge for edge in band if low - _FAR * (high - low) <= edge <= high + _FAR * (high - low)]
     across = padded([low, high, *near], _NAMES, _WIDE - 14.0)
     height = _ROW * len(points) + 2.0
-    parts = [
-        Markup(
-            '<line x1="{0:.1f}" x2="{0:.1f}" y1="0" y2="{1:.1f}" stroke="#e6e6e6"/>'
-            '<text x="{0:.1f}" y="{2:.1f}" text-anchor="middle">{3}</text>'
-        ).format(across.place(value), height, height + 11.0, label)
-        for value, label in across.ticks()
-    ]
+    parts = []
+    for value, label in across.ticks():
+        x = across.place(value)
+        parts += [line(x, 0.0, x, height, _FAINT), text_at(x, height + 11.0, label, "middle")]
     if across.exponent:
         parts.append(text_at(_WIDE, height + 22.0, power(across), "end"))
     if siblings is not None:
         for edge, dashes in ((siblings.median, ""), *((edge, "4 3") for edge in near)):
-            parts.append(
-                Markup(
-                    '<line x1="{0:.1f}" x2="{0:.1f}" y1="0" y2="{1:.1f}" stroke="{2}" stroke-dasharray="{3}"/>'
-                ).format(across.place(edge), height, _CONTROL, dashes)
-            )
+            x = across.place(edge)
+            parts.append(line(x, 0.0, x, height, _CONTROL, stroke_dasharray=dashes))
     for row, (one, point) in enumerate(zip(series, points, strict=True)):
         y = _ROW * (row + 0.5) + 1.0
         parts.append(text_at(_NAMES - 10.0, y + 3.0, shortened(one.serial, _LONGEST_NAME), "end"))
         error = None if point.uncertainty is None else across.place(point.uncertainty) - across.place(0.0)
         apart = siblings is not None and not point.bound and siblings.is_apart(point.value, point.uncertainty)
-        title = Markup("<title>{}: {}</title>").format(one.serial, point_text(one, point))
-        parts.append(_mark(across.place(point.value), y, point, error, title, ring=apart, upright=False))
+        title = f"{one.serial}: {point_text(one, point)}"
+        parts.append(_mark(across.place(point.value), y, point, error, title, ringed=apart, upright=False))
     return svg_of(_WIDE, height + (26.0 if across.exponent else 15.0), 11.0, parts)
 
 
@@ -186,21 +201,14 @@ def _span(points: Sequence[Point], more: Sequence[float]) -> tuple[float, float]
     return min([*ends, *more]), max([*ends, *more])
 
 
-def _scale(up: Axis) -> Markup:
-    lines = [
-        Markup(
-            '<line x1="{1}" x2="{2}" y1="{0:.1f}" y2="{0:.1f}" stroke="#e6e6e6"/>'
-            '<text x="{3}" y="{4:.1f}" text-anchor="end"{6}>{5}</text>'
-        ).format(up.place(value), _LEFT, _WIDTH - _RIGHT, _LEFT - 4.0, up.place(value) + 3.0, label, _narrow(label))
-        for value, label in up.ticks()
-    ]
-    return Markup("").join([*lines, text_at(2.0, 8.0, power(up), "start") if up.exponent else Markup("")])
-
-
-def _narrow(label: str) -> Markup:
-    """Return the attribute that compresses long labels, so that their first digits are not cut off."""
-    long = len(label) > _LONGEST_LABEL
-    return Markup(' textLength="{}" lengthAdjust="spacingAndGlyphs"').format(_LEFT - 6.0) if long else Markup("")
+def _scale(up: Axis) -> Iterator[Markup]:
+    """Yield the levels of the vertical axis; long labels are compressed, so that their first digits are not cut off."""
+    for value, label in up.ticks():
+        narrow = {"textLength": _LEFT - 6.0, "lengthAdjust": "spacingAndGlyphs"} if len(label) > _LONGEST_LABEL else {}
+        yield _level(up.place(value), _FAINT)
+        yield text_at(_LEFT - 4.0, up.place(value) + 3.0, label, "end", **narrow)
+    if up.exponent:
+        yield text_at(2.0, 8.0, power(up), "start")
 
 
 def _dates(points: Sequence[Point]) -> list[Markup]:
@@ -212,44 +220,25 @@ def _dates(points: Sequence[Point]) -> list[Markup]:
     return [text_at(_LEFT, y, first, "start"), text_at(_WIDTH - _RIGHT, y, last, "end")]
 
 
-def _mark(x: float, y: float, point: Point, error: float | None, title: Markup, *, ring: bool, upright: bool) -> Markup:
+def _mark(x: float, y: float, point: Point, error: float | None, title: str, *, ringed: bool, upright: bool) -> Markup:
     """Draw a point with its error bar: a cross if it fails, hollow if it is only a bound, ringed if flagged."""
-    parts = [title]
+    parts = [element("title", title)]
     if error is not None and not point.bound:
         dx, dy = (0.0, error) if upright else (error, 0.0)
-        parts.append(
-            Markup('<line x1="{:.1f}" x2="{:.1f}" y1="{:.1f}" y2="{:.1f}" stroke="{}" stroke-width="0.9"/>').format(
-                x - dx, x + dx, y - dy, y + dy, GREY
-            )
-        )
-    if ring:
-        parts.append(
-            Markup('<circle cx="{:.1f}" cy="{:.1f}" r="5.5" fill="none" stroke="{}" stroke-width="1.6"/>').format(
-                x, y, _FLAGGED
-            )
-        )
+        parts.append(line(x - dx, y - dy, x + dx, y + dy, GREY, stroke_width=0.9))
+    if ringed:
+        parts.append(ring(x, y))
     if point.verdict == "FAIL":
-        parts.append(
-            Markup('<path d="M{0:.1f} {1:.1f}l6 6m0 -6l-6 6" stroke="{2}" stroke-width="1.8"/>').format(
-                x - 3.0, y - 3.0, _LIMIT
-            )
-        )
+        cross = f"M{x - 3.0:.1f} {y - 3.0:.1f}l6 6m0 -6l-6 6"
+        parts.append(element("path", d=cross, stroke=_LIMIT, stroke_width=1.8))
     else:
-        fill = "#fff" if point.bound else INK
-        parts.append(Markup('<circle cx="{:.1f}" cy="{:.1f}" r="2.6" fill="{}" stroke="{}"/>').format(x, y, fill, INK))
-    parts.append(Markup('<circle cx="{:.1f}" cy="{:.1f}" r="8" fill="transparent"/>').format(x, y))
-    return Markup("<g>{}</g>").format(Markup("").join(parts))
+        parts.append(element("circle", cx=x, cy=y, r=2.6, fill="#fff" if point.bound else INK, stroke=INK))
+    parts.append(element("circle", cx=x, cy=y, r=8, fill="transparent"))
+    return element("g", *parts)
 
 
-def _path(places: Iterable[tuple[float, float]]) -> Markup:
-    corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
-    return Markup('<polyline points="{}" fill="none" stroke="{}" stroke-width="0.7"/>').format(corners, GREY)
-
-
-def _line(y: float, colour: str, width: float, dashes: str) -> Markup:
-    return Markup(
-        '<line x1="{}" x2="{}" y1="{:.1f}" y2="{:.1f}" stroke="{}" stroke-width="{}" stroke-dasharray="{}"/>'
-    ).format(_LEFT, _WIDTH - _RIGHT, y, y, colour, width, dashes)
+def _level(y: float, colour: str, width: float | str = "", dashes: str = "") -> Markup:
+    return line(_LEFT, y, _WIDTH - _RIGHT, y, colour, stroke_width=width, stroke_dasharray=dashes)
 
 
 def shortened(name: str, longest: int = 26) -> str:
