@@ -1,1 +1,1 @@
-"""Built-in help: a description of each effect, metric and term, with its equation, sources and picture."""
+"""Built-in help: a description of each effect, metric and term, with its equation and sources."""

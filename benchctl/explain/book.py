@@ -91,7 +91,6 @@ def _entry(group: Group, kind: type[DescribedEffect]) -> Entry:
         equation=kind.equation,
         facts=dict(_facts(group, kind)),
         look_alikes=kind.look_alikes,
-        drawing=kind.identifier,
         effect=kind,
         **shared(more),
     )
@@ -209,7 +208,6 @@ def metric_entries() -> Iterator[Entry]:
             words=test.definition,
             equation=test.formula,
             facts={label: value for label, value in facts.items() if value},
-            drawing=more.get("picture", ""),
             **shared(more),
         )
 
@@ -256,7 +254,6 @@ def as_values(entry: Entry) -> dict[str, Any]:
         "sources": list(entry.sources),
         "see": list(entry.see),
         "also_called": list(entry.also),
-        "picture": bool(entry.drawing),
     }
 
 

@@ -46,8 +46,6 @@ class Entry:
         Names of other entries; `look_alikes` are those that the effect can be confused with.
     also
         Other spellings.
-    drawing
-        The effect whose picture illustrates the entry; empty without a picture.
     effect
         The class of the effect, from its registry.
     """
@@ -62,7 +60,6 @@ class Entry:
     look_alikes: tuple[str, ...] = ()
     see: tuple[str, ...] = ()
     also: tuple[str, ...] = ()
-    drawing: str = ""
     effect: type[DescribedEffect] | None = None
 
 
@@ -127,6 +124,5 @@ def term_entries() -> Iterator[Entry]:
                 group=group,
                 words=table["words"],
                 equation=table.get("equation", ""),
-                drawing=table.get("picture", ""),
                 **shared(table),
             )

@@ -17,7 +17,7 @@ def glossary_page() -> str:
 
 def _paragraphs() -> Iterator[str]:
     yield "# Terms"
-    yield "All effects, metrics and terms. `benchctl explain TERM` adds parameters, sources and a picture."
+    yield "All effects, metrics and terms. `benchctl explain TERM` adds parameters and sources."
     for group, entries in grouped().items():
         yield f"## {_plain(heading(group))}"
         for one in entries:

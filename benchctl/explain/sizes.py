@@ -41,12 +41,6 @@ def usual_sizes(identifier: str) -> dict[str, tuple[float, float]]:
     }
 
 
-def middle_size(identifier: str) -> dict[str, float]:
-    """Return a medium size for the effect, positive; empty if no trial draws the effect."""
-    return {name: float(np.quantile(sizes, 0.5, method="nearest")) for name, sizes in _drawn(identifier).items()}
-
-
-@cache
 def _drawn(identifier: str) -> dict[str, np.ndarray]:
     if identifier not in DRAWN:
         return {}

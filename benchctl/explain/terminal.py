@@ -50,8 +50,6 @@ def _lines(entry: Entry, width: int) -> Iterator[str]:
     ):
         if listed:
             yield from _labelled(label, listed, width)
-    if entry.drawing:
-        yield from _labelled("Picture", f"benchctl explain {_typed(entry.name)} --picture {_file(entry.name)}", width)
 
 
 def _symbol_lines(letters: Mapping[str, str], width: int) -> Iterator[str]:
@@ -105,7 +103,7 @@ def _listed(groups: Mapping[Group, tuple[Entry, ...]], width: int) -> Iterator[s
         for one in members:
             yield f"  {one.name:<{column}}{_short(_gist(one), width - column - 2)}"
         yield ""
-    yield "benchctl explain NAME explains one; --picture FILE.svg draws it."
+    yield "benchctl explain NAME explains one."
 
 
 def _gist(entry: Entry) -> str:
@@ -120,12 +118,3 @@ def _short(clause: str, room: int) -> str:
     while len(clause) > room and ", " in clause:
         clause = clause.rpartition(", ")[0]
     return textwrap.shorten(clause, room, placeholder=" …")
-
-
-def _typed(name: str) -> str:
-    """Quote a name as needed in a shell."""
-    return name if re.fullmatch(r"[\w.-]+", name) else f'"{name}"'
-
-
-def _file(name: str) -> str:
-    return re.sub(r"\W+", "_", name.replace(".", "_")).strip("_").lower() + ".svg"

@@ -53,12 +53,11 @@ def test_both_meanings_of_a_word_are_told(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_an_unknown_term_is_one_line_and_exit_2(tmp_path: Path) -> None:
-    ran = benchctl("explain", "termal_lag", "--json", tmp_path / "e.json", "--picture", tmp_path / "e.svg")
+    ran = benchctl("explain", "termal_lag", "--json", tmp_path / "e.json")
     assert (ran.returncode, ran.stdout) == (2, "")
     assert ran.stderr == "benchctl: explain 'termal_lag': there is no such term: did you mean thermal_lag?\n"
     told = json.loads((tmp_path / "e.json").read_text())
     assert told["ok"] is False
-    assert not (tmp_path / "e.svg").exists()
 
 
 def test_the_json_has_what_the_page_needs(tmp_path: Path) -> None:
@@ -79,38 +78,6 @@ def test_the_json_has_what_the_page_needs(tmp_path: Path) -> None:
     assert {"name": "thermal_lag", "group": "gyro"} in every
 
 
-@pytest.mark.parametrize(("name", "begins"), [("lag.svg", b"<?xml"), ("lag.png", b"\x89PNG"), ("LAG.SVG", b"<?xml")])
-def test_it_draws_what_it_explains(
-    name: str, begins: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run_verb(["explain", "thermal_lag", "--picture", str(tmp_path / name)]) == 0
-    assert (tmp_path / name).read_bytes().startswith(begins)
-    text = capsys.readouterr().out
-    assert f"picture: {tmp_path / name}\n" in text
-    assert "tau_s = " in text
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["thermal_lag", "--picture", "lag.pdf"], "expected a name that ends in .svg or .png"),
-        (["digest", "--picture", "d.svg"], "explain digest: there is no picture of it; leave out --picture"),
-        (["--picture", "all.svg"], "expected a term before it, as in benchctl explain thermal_lag"),
-        (["thermal_lag", "--picture", "no/such/folder/lag.svg"], "no/such/folder"),
-    ],
-)
-def test_a_picture_that_cannot_be_drawn_is_one_line_and_leaves_nothing(
-    arguments: list[str], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run_verb(["explain", *arguments]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert says in told.err
-    assert told.err.count("\n") == 1
-    assert list(tmp_path.rglob("*")) == []
-
-
 @pytest.mark.parametrize("columns", ["80", "100"])
 def test_it_fits_the_terminal(
     columns: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -122,7 +89,7 @@ def test_it_fits_the_terminal(
     assert max(map(len, lines)) > int(columns) - 12
 
 
-def test_without_a_picture_nothing_heavy_is_imported() -> None:
+def test_nothing_heavy_is_imported() -> None:
     heavy = ("scipy.signal", "scipy.stats", "matplotlib", "h5py", "jinja2")
     code = (
         "import sys; from benchctl.cli.app import run_verb; run_verb(['explain', 'thermal_lag', '-q']);"

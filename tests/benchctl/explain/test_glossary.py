@@ -88,11 +88,6 @@ def test_terms_are_a_few_sentences_and_begin_with_a_short_one() -> None:
         assert len(re.split(r"[.:;](?=\s)|[.]$", one.words)[0]) <= 76, one.name
 
 
-def test_every_picture_is_that_of_an_effect() -> None:
-    for one in entries():
-        assert one.drawing in {"", *effects(), *drive_effects(), *chamber_effects()}
-
-
 def test_clauses_are_cited_of_published_documents_only() -> None:
     known = (
         "JCGM",

@@ -1,1 +1,0 @@
-"""Pictures of the entries: effects simulated with and without the effect; metrics from synthetic data."""
