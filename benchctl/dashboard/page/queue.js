@@ -61,17 +61,13 @@ export class QueuePanel {
 
   hold({ run, held, hold, waiting }) {
     const next = waiting.length ? "Go on with the next" : "Go on";
-    const button = (title, resume) =>
-      el(
-        "button",
-        { type: "button", onclick: () => this.act("/api/queue/go_on", { hold, resume }) },
-        title,
-      );
+    const act = (resume) => () => this.act("/api/queue/go_on", { hold, resume });
+    const button = (title, resume) => el("button", { type: "button", onclick: act(resume) }, title);
     return el(
       "div",
       { class: "answer bad", role: "alert" },
       el("p", {}, el("b", {}, "The queue holds: "), held, "."),
-      run && el("p", {}, "Look at the bench, then at ", campaignLink(run), "."),
+      run?.fault && el("p", {}, "Look at the bench, then at ", campaignLink(run), "."),
       session.mayStart &&
         el("div", { class: "buttons" }, run?.fault && button("Resume this run", true), button(next, false)),
     );

@@ -82,7 +82,7 @@ export async function startView(root, { signal }) {
     if (isSending) return;
     const before = isOn;
     isOn = queue.run?.fault === null || queue.waiting.length > 0;
-    if (isOn !== before) changed();
+    if (isOn !== before && outcome.firstChild) form.requestSubmit(); // check again what it is offered for now
     say(start, isOn ? "Put it in the queue" : "Start the run");
   }
 
