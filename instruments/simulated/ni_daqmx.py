@@ -8,7 +8,7 @@ other call is unimplemented. What they do is taken from NI's documentation of NI
 - A task whose sample clock is `/Dev1/ai/SampleClock` gets a sample with each clock of the analog inputs, of which one
   task runs at a time: a second one is refused (-50103). A read starts a task that does not run.
 - A sample clock is the time base of 100 MHz divided by a whole number.
-- A buffer that nobody empties is overwritten: a read then fails with -200279; one that waits in vain with -200284.
+- A buffer that is not read in time is overwritten: a read then fails with -200279; one that waits in vain with -200284.
 """
 
 from __future__ import annotations
@@ -96,13 +96,13 @@ class SimulatedNiDaqmx:
         self._server: Any = None
         self._port = 0
         self._answers: dict[str, Callable[[Any, Task], Any]] = {  # by the names of nidaqmx.proto
-            "GetSystemInfoAttributeUInt32": lambda asked, _: VERSION[asked.attribute_raw],
-            "GetDeviceAttributeString": lambda asked, _: {PRODUCT_TYPE: PRODUCT}[asked.attribute_raw],
-            "GetDeviceAttributeUInt32": lambda asked, _: {SERIAL_NUMBER: SERIAL}[asked.attribute_raw],
-            "GetTaskAttributeString": lambda asked, _: {TASK_NAME: asked.task.name}[asked.attribute_raw],
-            "GetReadAttributeString": lambda asked, task: {CHANNELS: ", ".join(task.names)}[asked.attribute_raw],
-            "GetReadAttributeUInt32": lambda asked, task: {AVAILABLE: task.samples.shape[1]}[asked.attribute_raw],
-            "GetTimingAttributeDouble": lambda asked, task: {CLOCK_RATE: task.rate_hz}[asked.attribute_raw],
+            "GetSystemInfoAttributeUInt32": lambda request, _: VERSION[request.attribute_raw],
+            "GetDeviceAttributeString": lambda request, _: {PRODUCT_TYPE: PRODUCT}[request.attribute_raw],
+            "GetDeviceAttributeUInt32": lambda request, _: {SERIAL_NUMBER: SERIAL}[request.attribute_raw],
+            "GetTaskAttributeString": lambda request, _: {TASK_NAME: request.task.name}[request.attribute_raw],
+            "GetReadAttributeString": lambda request, task: {CHANNELS: ", ".join(task.names)}[request.attribute_raw],
+            "GetReadAttributeUInt32": lambda request, task: {AVAILABLE: task.samples.shape[1]}[request.attribute_raw],
+            "GetTimingAttributeDouble": lambda request, task: {CLOCK_RATE: task.rate_hz}[request.attribute_raw],
             "GetChanAttributeInt32": self._kind,
             "CreateTask": self._create,
             "CreateAIVoltageChan": self._add_analog,
@@ -110,7 +110,7 @@ class SimulatedNiDaqmx:
             "CfgSampClkTiming": self._set_clock,
             "StartTask": lambda _, task: self._begin(task),
             "StopTask": lambda _, task: self._end(task),
-            "ClearTask": lambda asked, _: self._end(self._tasks.pop(asked.task.name)),
+            "ClearTask": lambda request, _: self._end(self._tasks.pop(request.task.name)),
             "ReadAnalogF64": self._read,
             "ReadCounterF64Ex": self._read,
         }
@@ -167,17 +167,17 @@ class SimulatedNiDaqmx:
 
         return handle
 
-    def _kind(self, asked: Any, task: Task) -> dict[str, int]:
-        return {"value_raw": (COUNTER_KIND if task.is_counter else ANALOG_KIND)[asked.attribute_raw]}
+    def _kind(self, request: Any, task: Task) -> dict[str, int]:
+        return {"value_raw": (COUNTER_KIND if task.is_counter else ANALOG_KIND)[request.attribute_raw]}
 
-    def _create(self, asked: Any, _: Task) -> dict[str, Any]:
-        name = asked.session_name or f"_unnamedTask<{next(self._numbers)}>"
+    def _create(self, request: Any, _: Task) -> dict[str, Any]:
+        name = request.session_name or f"_unnamedTask<{next(self._numbers)}>"
         self._tasks[name] = Task()
         return {"task": {"name": name}, "new_session_initialized": True}
 
-    def _add_analog(self, asked: Any, task: Task) -> None:
-        terminal = _terminal(asked.physical_channel, "ai")
-        range_v = min((each for each in RANGES_V if each >= max(-asked.min_val, asked.max_val)), default=0.0)
+    def _add_analog(self, request: Any, task: Task) -> None:
+        terminal = _terminal(request.physical_channel, "ai")
+        range_v = min((each for each in RANGES_V if each >= max(-request.min_val, request.max_val)), default=0.0)
         if not range_v:
             raise RefusedError(*BAD_VALUE)
 
@@ -185,25 +185,25 @@ class SimulatedNiDaqmx:
             wired = {self._gyro: gyro_v, self._thermistor: thermistor_v}.get(terminal, np.zeros_like(gyro_v))
             return volts_from_codes(codes_from_volts(wired, range_v=range_v), range_v=range_v)
 
-        task.names.append(asked.physical_channel)
+        task.names.append(request.physical_channel)
         task.channels.append(volts)
 
-    def _add_encoder(self, asked: Any, task: Task) -> None:
-        wired = _terminal(asked.counter, "ctr") == self._counter
-        if asked.units_raw != DEGREES or asked.decoding_type_raw != X4 or asked.zidx_enable:
+    def _add_encoder(self, request: Any, task: Task) -> None:
+        wired = _terminal(request.counter, "ctr") == self._counter
+        if request.units_raw != DEGREES or request.decoding_type_raw != X4 or request.zidx_enable:
             raise RefusedError(*BAD_VALUE)
 
         def degrees(count: FloatArray, *_: FloatArray) -> FloatArray:
             ticks = ((count - task.zero) * wired + (1 << 31)) % (1 << 32) - (1 << 31)
-            return ticks * (90.0 / float(asked.pulses_per_rev)) + float(asked.initial_angle)
+            return ticks * (90.0 / float(request.pulses_per_rev)) + float(request.initial_angle)
 
-        task.names, task.channels, task.is_counter = [asked.counter], [degrees], True
+        task.names, task.channels, task.is_counter = [request.counter], [degrees], True
 
-    def _set_clock(self, asked: Any, task: Task) -> None:
-        if not 0.0 < asked.rate <= TIME_BASE_HZ:
+    def _set_clock(self, request: Any, task: Task) -> None:
+        if not 0.0 < request.rate <= TIME_BASE_HZ:
             raise RefusedError(*BAD_VALUE)
-        task.rate_hz, task.source = TIME_BASE_HZ / round(TIME_BASE_HZ / asked.rate), asked.source
-        task.finite, task.buffer_scans = asked.sample_mode_raw == FINITE, asked.samps_per_chan
+        task.rate_hz, task.source = TIME_BASE_HZ / round(TIME_BASE_HZ / request.rate), request.source
+        task.finite, task.buffer_scans = request.sample_mode_raw == FINITE, request.samps_per_chan
 
     def _begin(self, task: Task) -> None:
         if any(other.running and other.is_counter == task.is_counter for other in self._tasks.values()):
@@ -222,20 +222,20 @@ class SimulatedNiDaqmx:
         if not task.is_counter:
             self._inputs.hold_history(None)
 
-    def _wait(self, asked: Any) -> None:
+    def _wait(self, request: Any) -> None:
         """Start a task that does not run, and wait for its samples, at most for the timeout that the call states."""
         with self._lock:
-            task = self._tasks[asked.task.name]
+            task = self._tasks[request.task.name]
             if not task.running:
                 self._begin(task)
             self._take()
-            missing = asked.num_samps_per_chan - task.samples.shape[1]
+            missing = request.num_samps_per_chan - task.samples.shape[1]
         if missing > 0 and not task.is_counter:
-            self._inputs.wait_until(task.first_s + (task.taken + missing - 1) / task.rate_hz, asked.timeout)
+            self._inputs.wait_until(task.first_s + (task.taken + missing - 1) / task.rate_hz, request.timeout)
 
-    def _read(self, asked: Any, task: Task) -> dict[str, Any]:
+    def _read(self, request: Any, task: Task) -> dict[str, Any]:
         """Return samples, those of one channel after those of the other."""
-        scans = asked.num_samps_per_chan
+        scans = request.num_samps_per_chan
         if task.overwritten:
             raise RefusedError(*OVERWRITTEN)
         if task.samples.shape[1] < scans:
