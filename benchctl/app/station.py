@@ -169,7 +169,7 @@ class Station:
         if run is None or not run.fault or run.order.procedure not in self.procedures:
             raise NotStartedError("no run that ended early can be resumed here; let the queue go on, or start another")
         folder = self.root / run.campaign
-        forget_question(folder)  # of the run that ended: nobody shall answer it while this one begins
+        forget_question(folder)  # of the run that ended: it must not be answered while this one begins
         self.journal.note("resumed", by=who)
         self._launch(folder, run.order, who, "--resume", str(folder), "--yes")
         self._let_go_on(who)
@@ -197,13 +197,13 @@ class Station:
         if run is not None and run.fault is None:
             if self._is_on(run):
                 return
-            self.journal.note("over", says=_fault(self.root / run.campaign))
+            self.journal.note("over", reason=_fault(self.root / run.campaign))
         if self.journal.waiting and not self.journal.held:
             order = self.journal.waiting[0]
             try:
                 self._start_checked(order)
             except UsageError as err:
-                self.journal.note("held", says=f"{order.procedure} of {order.serial} cannot start: {err}")
+                self.journal.note("held", reason=f"{order.procedure} of {order.serial} cannot start: {err}")
 
     def sign(self, folder: Path, verdict: str) -> None:
         """Sign the acceptance of a campaign with the laboratory's key, as `benchctl accept --sign` does.
@@ -265,9 +265,9 @@ class Station:
         ends_s = time.monotonic() + _BEGUN_WITHIN_S
         while _starts(folder) == before:
             if run.poll() is not None:
-                says = _last_line(log, folder)
-                self.journal.note("refused", says=says)
-                raise NotStartedError(says)
+                reason = _last_line(log, folder)
+                self.journal.note("refused", reason=reason)
+                raise NotStartedError(reason)
             if time.monotonic() > ends_s:
                 raise NotStartedError(
                     f"{folder.name} has not begun after {_BEGUN_WITHIN_S:g} s; the list of campaigns will show it if "

@@ -7,9 +7,9 @@ The queue is what the journal states, so it survives the end of the server. One 
 {"kind": "removed", "order": "5f0c…", "by": "B. Volt"}
 {"kind": "started", "order": "5f0c…", "procedure": "incoming", "serial": "SN-17", "by": "A. Ohm", "campaign": "2026…"}
 {"kind": "resumed", "by": "B. Volt"}                      the run that was started last
-{"kind": "refused", "says": "rate_table at … is in use"}  the start before this line; its order goes back to its place
-{"kind": "over", "says": ""}                              why the run did not end properly; empty: it did
-{"kind": "held", "says": "…"}                             no run of the queue starts
+{"kind": "refused", "reason": "rate_table is in use"}     the start before this line; its order goes back to its place
+{"kind": "over", "reason": ""}                            why the run did not end properly; empty: it did
+{"kind": "held", "reason": "…"}                           no run of the queue starts
 {"kind": "go_on", "by": "B. Volt"}                        until somebody lets the queue go on
 {"kind": "signed", "by": "C. Amp", "campaign": "2026…", "signed": {"says": "signed by …", "problems": []}}
 ```
@@ -92,16 +92,16 @@ class StationJournal:
             case "refused":
                 self.waiting, self.run = self._before
             case "over" if self.run is not None:
-                self.run = replace(self.run, fault=event["says"])
-                if event["says"]:
-                    self._hold(f"{self.run.campaign} did not end properly: {event['says']}")
+                self.run = replace(self.run, fault=event["reason"])
+                if event["reason"]:
+                    self._hold(f"{self.run.campaign} did not end properly: {event['reason']}")
             case "held":
-                self._hold(event["says"])
+                self._hold(event["reason"])
             case "go_on":
                 self.held = ""
 
-    def _hold(self, says: str) -> None:
-        self.held, self.hold = says, self._count
+    def _hold(self, reason: str) -> None:
+        self.held, self.hold = reason, self._count
 
     def _order(self, event: Mapping[str, Any]) -> Order:
         self._orders.add(event["order"])

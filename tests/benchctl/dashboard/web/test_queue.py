@@ -169,9 +169,9 @@ def test_a_refused_start_puts_its_order_back_to_its_place(tmp_path: Path) -> Non
     journal.note("started", **orders[0], campaign="c")
     assert journal.waiting == waiting[1:]
     with path.open("a", encoding="utf-8") as file:
-        file.write('{"kind": "refused", "says": "its last line is torn')
+        file.write('{"kind": "refused", "reason": "its last line is torn')
     assert StationJournal(path).waiting == waiting[1:]
-    journal.note("refused", says="in use")
+    journal.note("refused", reason="in use")
     for one in (journal, StationJournal(path)):
         assert (one.waiting, one.run) == (waiting, None)
         assert one.knows(orders[0]["order"])
