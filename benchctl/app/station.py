@@ -81,7 +81,7 @@ class Station:
         laboratory = self.bench.laboratory
         self.key = self._file.parent / laboratory.signing_key if laboratory and laboratory.signing_key else None
         if self.key is not None and not self.key.is_file():
-            raise UsageError(f"{bench_toml}: laboratory.signing_key: there is no file {self.key}")
+            raise UsageError(f"{bench_toml}: laboratory.signing_key: expected a key file, there is no {self.key}")
         self.procedures = {name: self._released(name) for name in self.bench.released}
         self._process: subprocess.Popen[bytes] | None = None
         self._journal_file = self.root / f"queue-{re.sub(r'[^A-Za-z0-9._+-]+', '-', self.bench.name)}.jsonl"
@@ -183,7 +183,7 @@ class Station:
     def remove(self, order: str, who: str) -> None:
         """Remove an order from the queue; `NotStartedError` if it is not in it."""
         if not any(one.order == order for one in self.journal.waiting):
-            raise NotStartedError("this order is not in the queue any more")
+            raise NotStartedError("this order is not in the queue any more; look at it again")
         self.journal.note("removed", order=order, by=who)
 
     def go_on(self, hold: int, who: str) -> None:
@@ -214,7 +214,7 @@ class Station:
         if self.key is None:
             raise NotSignedError(f"{self._file}: names no key; add signing_key to [laboratory]")
         if (folder / STATEMENT).exists():
-            raise NotSignedError(f"{folder.name} is signed already")
+            raise NotSignedError(f"{folder.name} is signed already; benchctl verify states by whom")
         found = read_json(folder / ACCEPTANCE, "acceptance") if (folder / ACCEPTANCE).exists() else {}
         if not isinstance(found, dict) or found.get("verdict") != verdict:
             raise NotSignedError(f"the verdict on {folder.name} is not {verdict} any more; look at it again")

@@ -107,7 +107,7 @@ def test_only_who_releases_signs_from_this_page_what_they_have_seen_and_once(
         signed = client.post(path, json=SIGN, timeout=90)
         assert signed.status_code == 202, signed.text
         replayed = client.post(path, json=SIGN, timeout=90)
-        assert (replayed.status_code, replayed.json()["error"]) == (409, f"{judged.name} is signed already")
+        assert (replayed.status_code, replayed.json()["error"]) == (409, f"{judged.name} is signed already; benchctl verify states by whom")
         shown = client.get(f"/api/campaigns/{key}/documents/acceptance").json()
         assert (shown["verdict"], shown["signed"]) == ("PASS", signed.json())
         report = client.get(f"/api/campaigns/{key}/documents/acceptance/report").text
@@ -144,7 +144,7 @@ def test_what_was_changed_or_judged_by_other_limits_is_not_signed(lab: Path, sta
 
 def test_a_key_or_limits_that_are_not_there_are_said_before_anything_is_served(lab: Path, tmp_path: Path) -> None:
     for name, says in (
-        ("anna", "laboratory.signing_key: there is no file"),
+        ("anna", "laboratory.signing_key: expected a key file"),
         ("limits.toml", "limits .*: cannot be read"),
     ):
         folder = tmp_path / name
