@@ -107,7 +107,8 @@ def test_only_who_releases_signs_from_this_page_what_they_have_seen_and_once(
         signed = client.post(path, json=SIGN, timeout=90)
         assert signed.status_code == 202, signed.text
         replayed = client.post(path, json=SIGN, timeout=90)
-        assert (replayed.status_code, replayed.json()["error"]) == (409, f"{judged.name} is signed already; benchctl verify states by whom")
+        refused = f"{judged.name} is signed already; benchctl verify states by whom"
+        assert (replayed.status_code, replayed.json()["error"]) == (409, refused)
         shown = client.get(f"/api/campaigns/{key}/documents/acceptance").json()
         assert (shown["verdict"], shown["signed"]) == ("PASS", signed.json())
         report = client.get(f"/api/campaigns/{key}/documents/acceptance/report").text
