@@ -34,8 +34,11 @@ def apply(
     Example: `benchctl apply recording.h5 --coefficients coefficients.json`
     """
     from benchctl.app.compensate import compensate
+    from benchctl.cli.terminal import working
 
     with result_of("apply", json_to, quiet) as result:
-        found = compensate(recording, coefficients, output or path_next_to(recording, "_compensated.h5"), law=law)
+        target = output or path_next_to(recording, "_compensated.h5")
+        with working(f"compensating {recording}", quiet):
+            found = compensate(recording, coefficients, target, law=law)
         result.values |= found.values()
         result.say(str(found))

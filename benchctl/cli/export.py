@@ -70,6 +70,7 @@ def export(
     `benchctl export coefficients.json --to c-header -o gyro_compensation.h`
     """
     from benchctl.atomic import refuse_existing, refuse_folder
+    from benchctl.cli.terminal import working
     from benchctl.recordings.campaign_manifest import add_to_manifest
 
     with result_of("export", json_to, quiet) as result:
@@ -80,7 +81,8 @@ def export(
             refuse_existing(target)
             _export_compensation(source, to, target)
         else:
-            _export_recording(source, to, target)
+            with working(f"exporting {source}", quiet):
+                _export_recording(source, to, target)
         add_to_manifest(target.parent, target.rglob("*") if target.is_dir() else [target])
         result.values["output"] = target
         result.say(f"wrote {target}")

@@ -75,6 +75,22 @@ def progress_bar(beginning: str, quiet: bool) -> Iterator[Draw | None]:
         yield draw
 
 
+@contextmanager
+def working(doing: str, quiet: bool) -> Iterator[None]:
+    """Show on stderr, for work of unknown length, what is done and for how long; nothing if quiet or no terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.progress import Progress as Bars
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn("line"), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+    with Bars(*columns, console=Console(file=cast("IO[str]", _Terminal())), transient=True) as bars:
+        bars.add_task(doing, total=None)
+        yield
+
+
 _FORECAST_FROM = 0.02
 """The fraction of the work after which the remaining time is shown."""
 

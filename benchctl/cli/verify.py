@@ -29,9 +29,11 @@ def verify(
     `benchctl verify delivered/SN-17 --signers lab/allowed_signers`
     """
     from benchctl.app.verify import verify as verified_of
+    from benchctl.cli.terminal import working
 
     with result_of("verify", json_to, quiet) as result:
-        verified = verified_of(recording, signers=signers)
+        with working(f"verifying {recording}", quiet):
+            verified = verified_of(recording, signers=signers)
         result.values |= verified.values()
         if not verified.problems:
             result.say(str(verified))

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -128,3 +131,23 @@ def test_an_export_of_the_current_folder_lies_beside_it(export: Verb, recording:
     target = recording.parent.with_name(recording.parent.name + "_compensation.h")
     assert export(".", "--to", "c-header") == (0, f"wrote {target}")
     target.unlink()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pty is a thing of POSIX")
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_terminal_shows_what_is_done_while_it_lasts(recording: Path, quiet: bool) -> None:
+    import pty
+
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "benchctl", "export", recording.name, "--to", "csv", *["--quiet"] * quiet]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=theirs, cwd=recording.parent) as process:
+        os.close(theirs)
+        shown = b""
+        try:
+            while chunk := os.read(ours, 4096):
+                shown += chunk
+        except OSError:  # Linux states the end of a terminal so
+            pass
+        os.close(ours)
+    assert process.returncode == 0
+    assert (f"exporting {recording.name}".encode() in shown) is not quiet
