@@ -176,8 +176,18 @@ class Station:
         return folder
 
     def queue(self, order: Order) -> None:
-        """Put a released procedure on a unit at the end of the queue; `NotStartedError` if it was placed before."""
+        """Put a released procedure on a unit at the end of the queue.
+
+        Raises `NotStartedError` if the order was placed before, or if another unit is on the bench before it and the
+        procedure asks nobody to mount this one.
+        """
         self._refuse_known(order)
+        before = self.journal.last_serial
+        if before not in ("", order.serial) and not self.procedures[order.procedure].questions:
+            raise NotStartedError(
+                f"{order.procedure} asks nobody to replace {before} by {order.serial}; begin it with Mount or Ask, or"
+                " start it when the unit is mounted"
+            )
         self.journal.note("queued", **asdict(order))
 
     def remove(self, order: str, who: str) -> None:

@@ -75,6 +75,13 @@ class StationJournal:
         """Return whether an order of this id was placed before."""
         return order in self._orders
 
+    @property
+    def last_serial(self) -> str:
+        """The unit of the last order of the queue, otherwise of the last run; empty if there is none."""
+        if self.waiting:
+            return self.waiting[-1].serial
+        return "" if self.run is None else self.run.order.serial
+
     def _apply(self, event: Mapping[str, Any]) -> None:
         self._count += 1
         match event["kind"]:
