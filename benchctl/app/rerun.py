@@ -28,7 +28,7 @@ from benchctl.recordings.reader import Recording, open_recording
 from benchctl.reports import text
 from benchctl.reports.acceptance.catalogue import Catalogue, catalogue, stated
 from benchctl.reports.acceptance.set_up import facts_of
-from benchctl.reports.acceptance.write import JSON as ACCEPTANCE
+from benchctl.reports.acceptance.signed import JSON as ACCEPTANCE
 from benchctl.reports.acceptance.write import SCHEMA as ACCEPTANCE_SCHEMA
 from benchctl.reports.results import results_folder
 from benchctl_instruments.errors import UsageError

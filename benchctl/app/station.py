@@ -31,8 +31,8 @@ from benchctl.own_process import own_process
 from benchctl.plan.find import find_procedure
 from benchctl.recordings.journal import events_in, journal_text, last_word
 from benchctl.recordings.schema import JOURNAL, LOCK
+from benchctl.reports.acceptance.signed import JSON as ACCEPTANCE
 from benchctl.reports.acceptance.signed import STATEMENT
-from benchctl.reports.acceptance.write import JSON as ACCEPTANCE
 from benchctl_instruments.errors import UsageError
 
 _CHECKED_WITHIN_S = 60.0
@@ -178,14 +178,14 @@ class Station:
     def queue(self, order: Order) -> None:
         """Put a released procedure on a unit at the end of the queue.
 
-        Raises `NotStartedError` if the order was placed before, or if another unit is on the bench before it and the
-        procedure asks nobody to mount this one.
+        Raises `NotStartedError` if the order was placed before, or if another unit comes before this one and the
+        procedure asks no question, so that the unit cannot be changed.
         """
         self._refuse_known(order)
         before = self.journal.last_serial
         if before not in ("", order.serial) and not self.procedures[order.procedure].questions:
             raise NotStartedError(
-                f"{order.procedure} asks nobody to replace {before} by {order.serial}; begin it with Mount or Ask, or"
+                f"{order.procedure} has no step in which {before} is replaced by {order.serial}; add Mount or Ask, or"
                 " start it when the unit is mounted"
             )
         self.journal.note("queued", **asdict(order))

@@ -51,8 +51,7 @@ def accept(
             result.values |= files
             result.say_files(files)
         if found.fails:
-            result.ok, result.error = False, found.fails
-            raise typer.Exit(1)
+            result.fail(found.fails)
 
 
 def _passphrase() -> str:

@@ -189,8 +189,7 @@ def _judge(ended: Fleet, stopped: bool, result: Result) -> None:
     if failed:
         raise UsageError(f"{of_all} {len(failed)} could not be done, the first: {failed[0].reason}")
     if rejected:
-        result.ok, result.error = False, f"{of_all} {rejected} do not pass"
-        raise typer.Exit(1)
+        result.fail(f"{of_all} {rejected} do not pass")
 
 
 @contextmanager

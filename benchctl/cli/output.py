@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -89,6 +89,11 @@ class Result:
         """Print a line on stdout unless `quiet`."""
         if not self.quiet:
             tell(text)
+
+    def fail(self, error: str) -> NoReturn:
+        """End the verb with exit status 1: its work is done, and does not pass."""
+        self.ok, self.error = False, error
+        raise typer.Exit(1)
 
     def say_files(self, files: Mapping[str, Path]) -> None:
         """Print the paths of written files, one line a kind."""

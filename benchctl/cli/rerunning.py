@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import typer
-
 from benchctl.app.notify import send_result
 from benchctl.app.rerun import FirstRun, first_run, lines, rerun_of
 from benchctl.bench import Bench
@@ -49,8 +47,7 @@ class Again:
             verdict = ": ".join(filter(None, (rerun.accepted.verdict, rerun.accepted.fails)))
             send_result(self.plan, self.bench, outcome.campaign, verdict, warn)
         if rerun.accepted is not None and rerun.accepted.fails:
-            result.ok, result.error = False, rerun.accepted.fails
-            raise typer.Exit(1)
+            result.fail(rerun.accepted.fails)
 
 
 def to_run_again(path: Path, *, bench: Bench | None, limits: Path | None, seed: int | None) -> Again:

@@ -151,8 +151,7 @@ def run(
             result.say_files(judged.files)
             send_result(plan, loaded, outcome.campaign, str(judged).splitlines()[-1], watch.warn)
             if judged.fails:
-                result.ok, result.error = False, judged.fails
-                raise typer.Exit(1)
+                result.fail(judged.fails)
         if rerun is not None:
             rerun.tell(outcome, result, watch.warn)
 

@@ -8,10 +8,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import IO, cast
+from typing import IO, TYPE_CHECKING, cast
 
 from benchctl.campaign.runner import Moment, Progress, no_progress
 from benchctl.cli.messages import duration, let_go
+
+if TYPE_CHECKING:  # rich is loaded only at a terminal
+    from rich.progress import Progress as Bars
+    from rich.progress import ProgressColumn
 
 REDRAW_S = 0.1
 
@@ -55,12 +59,10 @@ def progress_bar(beginning: str, quiet: bool) -> Iterator[Draw | None]:
     if quiet or not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
     from rich.progress import BarColumn, TextColumn
-    from rich.progress import Progress as Bars
 
     columns = (TextColumn("{task.description}"), BarColumn(bar_width=20), TextColumn("{task.fields[now]}"))
-    with Bars(*columns, console=Console(file=cast("IO[str]", _Terminal())), transient=True, auto_refresh=False) as bars:
+    with _bars(*columns, auto_refresh=False) as bars:
         task = bars.add_task(beginning, total=1.0, now="")
         drawn_s = 0.0
 
@@ -81,14 +83,20 @@ def working(doing: str, quiet: bool) -> Iterator[None]:
     if quiet or not sys.stderr.isatty():
         yield
         return
-    from rich.console import Console
-    from rich.progress import Progress as Bars
     from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
     columns = (SpinnerColumn("line"), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
-    with Bars(*columns, console=Console(file=cast("IO[str]", _Terminal())), transient=True) as bars:
+    with _bars(*columns, auto_refresh=True) as bars:
         bars.add_task(doing, total=None)
         yield
+
+
+def _bars(*columns: ProgressColumn, auto_refresh: bool) -> Bars:
+    from rich.console import Console
+    from rich.progress import Progress as Bars
+
+    console = Console(file=cast("IO[str]", _Terminal()))
+    return Bars(*columns, console=console, transient=True, auto_refresh=auto_refresh)
 
 
 _FORECAST_FROM = 0.02

@@ -88,7 +88,7 @@ def _diagnosis(
         chosen = select(problem, seed=seed, progress=progress, rounding_v2=rounding_v2, chosen=chosen)
     progress("residual", 0.95)
     problem.forget()  # the following steps need no fast predictions
-    tried = _names(chosen)
+    tried = chosen.identifiers
     spikes = any(fault.effect == "outliers" for fault in faults)
     if evident is None:
         chosen, unexplained, notes = _attributed(problem, chosen, rounding_v2=rounding_v2, spikes=spikes, seed=seed)
@@ -164,9 +164,9 @@ def _attributed(
     Names that another cause could replace are kept if no other model does equally well. In a swing at one frequency all
     motion coordinates are equivalent, so that a structure along them can follow anything: none argues against a name.
     """
-    tried = _names(searched)
+    tried = searched.identifiers
     left = named(problem, searched, rounding_v2=rounding_v2, seed=seed)
-    dropped = tried - _names(left[0])
+    dropped = tried - left[0].identifiers
     if not dropped or not isinstance(problem, GyroProblem):
         return with_structures(problem, *left, searched=searched, spikes=spikes, seed=seed)
     modelled = None
@@ -175,13 +175,9 @@ def _attributed(
         if not names_do_better(problem, searched, modelled[0], seed=seed):
             return modelled
     left = named(problem, searched, rounding_v2=rounding_v2, contested=True, seed=seed)
-    if modelled is not None and _names(left[0]) == tried - dropped:
+    if modelled is not None and left[0].identifiers == tried - dropped:
         return modelled
     return with_structures(problem, *left, searched=searched, spikes=spikes, seed=seed)
-
-
-def _names(chosen: Selection) -> set[str]:
-    return {effect.identifier for effect in chosen.after.point.effects}
 
 
 def _at_bounds(problem: PartProblem, chosen: Selection) -> Iterator[str]:

@@ -136,6 +136,11 @@ class Fit:
         wider = np.sqrt(np.maximum(ratio, 1.0))
         return np.asarray(usual * np.outer(wider, wider))
 
+    def standard_errors(self, step: IntArray) -> FloatArray:
+        """Return the robust standard errors of the free parameters, shape (p,); infinite where not determined."""
+        variance = np.diag(self.robust_covariance(step))
+        return np.sqrt(np.where(variance > 0.0, variance, np.inf))
+
 
 def fit(
     problem: Problem,

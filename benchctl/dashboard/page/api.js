@@ -29,6 +29,21 @@ export function change(method, path, { body = null, token = null, signal = null 
   return request(method, path, { body, token, signal });
 }
 
+/** Do what a server out of reach may refuse: the banner shows that it is away. */
+export async function unlessAway(action, signal) {
+  try {
+    await action();
+  } catch (error) {
+    if (!signal.aborted && !(error instanceof ApiError)) throw error;
+  }
+}
+
+/** Repeat such an action until the view ends, except while the page is hidden. */
+export function repeat(action, everyMs, signal) {
+  const timer = setInterval(() => document.hidden || unlessAway(action, signal), everyMs);
+  signal.addEventListener("abort", () => clearInterval(timer));
+}
+
 /** The path of a campaign's resource. */
 export function campaignPath(id, rest = "") {
   return `/api/campaigns/${encodeURIComponent(id)}${rest}`;

@@ -1,6 +1,6 @@
 // All campaigns: those that run on top, the others newest first, with a search and a choice of two to compare.
 
-import { ApiError, get } from "./api.js";
+import { get, repeat } from "./api.js";
 import { el, fill, say } from "./dom.js";
 import { count, duration, moment } from "./format.js";
 import { onKeys } from "./keys.js";
@@ -8,7 +8,7 @@ import { QueuePanel } from "./queue.js";
 import { go, link } from "./router.js";
 import { alteredChip, isLive, statusChip } from "./status.js";
 
-const AGAIN_S = 3;
+const AGAIN_MS = 3000;
 const DOCUMENTS = [
   ["calibration", "calibrated"],
   ["diagnosis", "diagnosed"],
@@ -83,7 +83,7 @@ export async function listView(root, { query, signal }) {
     if (JSON.stringify(fresh) === JSON.stringify(campaigns)) return;
     campaigns = fresh;
     draw();
-  }, signal);
+  }, AGAIN_MS, signal);
 }
 
 function row(one, chosen, choose) {
@@ -157,16 +157,4 @@ function toldOf(all, found, live) {
       ? `${count(all.length)} campaigns`
       : `${count(found.length)} of ${count(all.length)} campaigns`;
   return live.length ? `${told}, ${live.length} not finished` : told;
-}
-
-function repeat(action, signal) {
-  const timer = setInterval(async () => {
-    if (document.hidden) return;
-    try {
-      await action();
-    } catch (error) {
-      if (!signal.aborted && !(error instanceof ApiError)) throw error; // the banner says that the server is away
-    }
-  }, 1000 * AGAIN_S);
-  signal.addEventListener("abort", () => clearInterval(timer));
 }

@@ -1,6 +1,6 @@
 // The queue of the station: the run on the bench, what waits behind it, why it holds, and what an operator can do.
 
-import { ApiError, change, get } from "./api.js";
+import { ApiError, change, get, repeat, unlessAway } from "./api.js";
 import { el, fill, say } from "./dom.js";
 import { link } from "./router.js";
 import { givenName, session } from "./session.js";
@@ -17,24 +17,16 @@ export function newOrder() {
   return Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
-/** The queue, kept up to date; `who` gives the operator's name or asks for it, `changed(queue)` is told what is new. */
+/** The queue, kept up to date; `who()` returns the operator's name, `changed(queue)` is called with each new state. */
 export class QueuePanel {
   constructor(signal, { who = givenName, changed = () => {} } = {}) {
     Object.assign(this, { signal, who, changed, known: "" });
     this.body = el("div", {});
     this.wrong = el("p", { class: "wrong", role: "alert" });
     this.root = el("section", { class: "queue", "aria-label": "queue", hidden: true }, this.body, this.wrong);
-    this.look();
-    const timer = setInterval(() => document.hidden || this.look(), AGAIN_MS);
-    signal.addEventListener("abort", () => clearInterval(timer));
-  }
-
-  async look() {
-    try {
-      this.show(await queueNow(this.signal));
-    } catch (error) {
-      if (!this.signal.aborted && !(error instanceof ApiError)) throw error; // the banner says that the server is away
-    }
+    const look = async () => this.show(await queueNow(signal));
+    unlessAway(look, signal);
+    repeat(look, AGAIN_MS, signal);
   }
 
   show(queue) {

@@ -15,6 +15,6 @@ export function fullReport(campaign, kind) {
     button.textContent = open ? "Close the full report" : "Open the full report";
     button.setAttribute("aria-expanded", String(open));
   }
-  const print = el("a", { href: source, target: "_blank", rel: "noopener" }, "To print it: open it in a window of its own");
+  const print = el("a", { href: source, target: "_blank", rel: "noopener" }, "To print it, open it in a new window");
   return el("div", {}, el("div", { class: "buttons" }, button, print), place);
 }

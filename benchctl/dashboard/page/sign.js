@@ -9,6 +9,7 @@ export function signing(campaign, { verdict, signed }, done) {
   if (signed) return signature(signed);
   if (!session.maySign) return el("p", { class: "how" }, "Not signed.");
   const who = nameField("signer", campaign.operator);
+  const status = el("p", { class: "how", role: "status" });
   const wrong = el("p", { class: "wrong", role: "alert" });
   const button = el("button", { type: "submit", class: "main" }, `Sign: ${verdict}`);
   async function sign(event) {
@@ -16,18 +17,17 @@ export function signing(campaign, { verdict, signed }, done) {
     if (!who.reportValidity()) return;
     button.disabled = true;
     say(wrong, "");
-    say(told, "Signing: the report is written again, with the name of the signer …");
+    say(status, "Signing: the report is written again, with the name of the signer …");
     try {
       await change("POST", campaignPath(campaign.id, "/sign"), { body: { verdict, who: who.value.trim() } });
       done();
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      say(told, "");
+      say(status, "");
       say(wrong, `Not signed: ${error.message}.`);
       button.disabled = false;
     }
   }
-  const told = el("p", { class: "how", role: "status" });
   const says = `The key of the laboratory signs report and recording: ${verdict} for unit ${campaign.unit}.`;
   return el(
     "form",
@@ -35,7 +35,7 @@ export function signing(campaign, { verdict, signed }, done) {
     el("p", {}, el("b", {}, "Not signed. "), says),
     el("label", { for: "signer" }, "Your name ", who),
     button,
-    told,
+    status,
     wrong,
   );
 }

@@ -62,14 +62,14 @@ def _effects(problem: PartProblem, chosen: Selection) -> Iterator[Finding]:
 def estimates_of(problem: PartProblem, chosen: Selection) -> Iterator[tuple[str, DescribedEffect, dict[str, Estimate]]]:
     """Yield every effect of the model with its key and its parameters with intervals."""
     fitted = chosen.full
-    errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
+    errors = fitted.standard_errors(problem.step)
     for place, (key, effect) in enumerate(zip(keys_of(fitted.point.effects), fitted.point.effects, strict=True)):
         estimates: dict[str, Estimate] = {}
         for name, parameter in effect.parameters.items():
             value = effect.values[name]
             index = next((i for i, one in enumerate(fitted.numbers) if one.effect == place and one.name == name), None)
             # a parameter that the recording does not determine, such as an unreached rail, has its full allowed range
-            half = 0.0 if index is None else Z95 * float(errors[index]) or math.inf
+            half = 0.0 if index is None else Z95 * float(errors[index])
             half = math.inf if parameter.role == "assumed" else half
             low, high = interval_of(parameter, value, half)
             if half and parameter.role != "phase":

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from benchctl.diagnosis.result import Estimate, Finding, Unexplained, Verdict
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.stepped import PartProblem
@@ -23,8 +21,7 @@ def baseline_of(problem: PartProblem, chosen: Selection) -> dict[str, Estimate]:
     An interval is limited to the plausible range. A parameter that the recording does not determine has an interval
     equal to that range, or an unlimited one if a lab's model states the parameter.
     """
-    errors = (Z95 * np.sqrt(np.diag(chosen.full.robust_covariance(problem.step)))).tolist()
-    errors = [error if error > 0.0 else math.inf for error in errors]
+    errors = (Z95 * chosen.full.standard_errors(problem.step)).tolist()
     bounds = problem.baseline_bounds
     columns = zip(
         problem.baseline_names,

@@ -226,13 +226,13 @@ def may_be_nothing(problem: PartProblem, fitted: Fit) -> set[int]:
     wider interval of Schwarz's criterion. The errors are estimated from the scatter between steps; an opening of a
     chamber lies within one or two of them and is not tested.
     """
-    errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
+    errors = fitted.standard_errors(problem.step)
     sizes = [
         [
             _may_be_zero(
                 one.parameter,
                 effect.values[one.name],
-                error * (Z95 if one.parameter.role == "size" else math.sqrt(math.log(fitted.rows))) or math.inf,
+                error * (Z95 if one.parameter.role == "size" else math.sqrt(math.log(fitted.rows))),
             )
             for one, error in zip(fitted.numbers, errors.tolist(), strict=True)
             if one.effect == place and one.parameter is not None and _vanishes(one.parameter)

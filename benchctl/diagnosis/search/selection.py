@@ -58,6 +58,11 @@ class Selection:
     """An unnamed dependence of the noise on a coordinate, if any; the whitener includes it."""
 
     @property
+    def identifiers(self) -> frozenset[str]:
+        """The effects of the model, by name."""
+        return frozenset(effect.identifier for effect in self.after.point.effects)
+
+    @property
     def whitener(self) -> Whitener:
         """The filter that makes the noise white."""
         return self.noise.whitener

@@ -128,7 +128,7 @@ def with_structures(
         return _of_heat(problem, chosen, unexplained, notes, seed)
     if not isinstance(problem, GyroProblem):
         return chosen, unexplained, notes
-    fallen = set(_identifiers(searched)) - set(_identifiers(chosen))
+    fallen = searched.identifiers - chosen.identifiers
     chosen, stated, notes = _of_prediction(problem, chosen, unexplained, notes, fallen, spikes, evident, seed)
     noisy = noise_structure(problem, chosen)
     if noisy is None:
@@ -329,13 +329,9 @@ def _of_last_direction(found: Modelled) -> bool:
     return not found.left.significant and found.structures[0].over == "last_sign"
 
 
-def _identifiers(chosen: Selection) -> Iterator[str]:
-    return (effect.identifier for effect in chosen.after.point.effects)
-
-
 def _knowing(problem: GyroProblem, names: Collection[str], chosen: Selection) -> GyroProblem:
     """Return the problem restricted to some named effects and those of the selection."""
-    known = {*names, *chosen.noise.found, *(one.identifier for one in chosen.after.point.effects)}
+    known = {*names, *chosen.noise.found, *chosen.identifiers}
     return replace(problem, without=problem.without | (effects().keys() - known))
 
 
@@ -351,7 +347,7 @@ def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
     if not structures or len(kinds) < len(structures):  # a search does not know two of a kind apart
         return found
     again = select(problem, seed=seed, progress=lambda _name, _share: None, chosen=found.chosen)
-    kept = tuple(one for one in found.structures if one.identifier in {e.identifier for e in again.after.point.effects})
+    kept = tuple(one for one in found.structures if one.identifier in again.identifiers)
     numbers = len(again.after.numbers) - len(found.chosen.after.numbers)
     lost = found.chosen.after.rows * math.log(again.after.squares / found.chosen.after.squares)
     if not kept or again.noise.found.keys() != found.chosen.noise.found.keys():

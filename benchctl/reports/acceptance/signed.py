@@ -34,6 +34,7 @@ if TYPE_CHECKING:  # `verify` starts three times as fast without them
     from benchctl.metrology.result import Acceptance
     from benchctl.reports.acceptance.set_up import RecordingFacts
 
+PAGE, PDF, JUNIT, JSON = "acceptance.html", "acceptance.pdf", "acceptance.xml", "acceptance.json"
 STATEMENT = "acceptance.signed.json"
 SIGNATURE = f"{STATEMENT}.sig"
 """The file that states what is signed, and the signature of that file; named as `ssh-keygen -Y sign` names it."""

@@ -28,6 +28,7 @@ from benchctl.reports.acceptance.build import report_of, tally
 from benchctl.reports.acceptance.catalogue import Catalogue, catalogue, limits, stated
 from benchctl.reports.acceptance.document import Report
 from benchctl.reports.acceptance.set_up import RecordingFacts
+from benchctl.reports.acceptance.signed import JSON, JUNIT, PAGE, PDF
 from benchctl.reports.html import render
 from benchctl.reports.results import make_folder
 from benchctl.sshsig import SigningKey
@@ -252,9 +253,6 @@ def _uncertainty(found: Uncertainty | None) -> dict[str, Any]:
             for part in found.contributors
         ],
     }
-
-
-PAGE, PDF, JUNIT, JSON = "acceptance.html", "acceptance.pdf", "acceptance.xml", "acceptance.json"
 
 
 def write_acceptance(

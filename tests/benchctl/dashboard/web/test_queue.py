@@ -67,7 +67,7 @@ def test_an_order_waits_for_the_run_before_survives_the_server_and_holds_after_a
         assert (offline["ready"], offline["instruments"]) == (True, [])
         assert "placed before" in refused(client, "/api/queue", order(2))
         unmounted = refused(client, "/api/queue", order(5, procedure="hot"))
-        assert unmounted.startswith("hot asks nobody to replace SN-4 by SN-5; begin it with Mount or Ask")
+        assert unmounted.startswith("hot has no step in which SN-4 is replaced by SN-5; add Mount or Ask")
         assert client.post(f"/api/queue/{3:016x}/remove", json={"who": "C. Amp"}).status_code == 202
         assert "not in the queue" in refused(client, f"/api/queue/{3:016x}/remove", {"who": "C. Amp"})
         assert "does not hold" in refused(client, "/api/queue/go_on", {"who": "C. Amp", "hold": 0, "resume": False})
