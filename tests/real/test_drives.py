@@ -70,18 +70,24 @@ def test_one_direction_of_the_motor_bench_gives_both_names_and_asks_for_the_othe
 
 
 @needs_shared("data/table_drive")
-def test_dry_friction_and_a_drag_that_warming_up_would_stand_for_are_found_together(tmp_path: Path) -> None:
-    """An effect of known size, added to the torque of a real run, flattens what the friction's absence would bend."""
+@pytest.mark.parametrize("drag_nm_s2", [9.9e-7, 5.1e-7])
+def test_dry_friction_and_a_drag_that_warming_up_would_stand_for_are_found_together(
+    drag_nm_s2: float, tmp_path: Path
+) -> None:
+    """An effect of known size, added to the torque of a real run, flattens what the friction's absence would bend.
+
+    Beside the weaker one a drift would be stated that held-out steps contradict, and with it the warming.
+    """
     file = tmp_path / "run.h5"
     import_recording(SHARED / "data" / "table_drive" / f"{FORWARD[0]}.mat", MAPS / "drive.toml", file)
-    drag = Injection(index=0, effect="quadratic_drag", parameters={"drag_nm_s2": 9.9e-7}, share=1.0, nonce="")
+    drag = Injection(index=0, effect="quadratic_drag", parameters={"drag_nm_s2": drag_nm_s2}, share=1.0, nonce="")
     with open_recording(file) as run:
         dragged = Untouched(run, diagnose(run, part="drive").as_json()).with_it(drag)
         write_recording(tmp_path / "dragged.h5", run.meta, dragged)
     with open_recording(tmp_path / "dragged.h5") as run:
         found = {one.effect: one for one in diagnose(run, part="drive").findings}
     assert set(found) == {"coulomb_friction", "quadratic_drag"}
-    assert found["quadratic_drag"].parameters["drag_nm_s2"].value == pytest.approx(9.9e-7, rel=0.2)
+    assert found["quadratic_drag"].parameters["drag_nm_s2"].value == pytest.approx(drag_nm_s2, abs=1.9e-7)
 
 
 @needs_shared("data/pendulum")

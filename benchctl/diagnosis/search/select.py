@@ -452,13 +452,13 @@ class Search(Models):
             for key, effect in zip(keys_of(present.point.effects), present.point.effects, strict=True):
                 less = self._without(present, effect)
                 own = self._evidence(present, less)
-                if self._earned(own) / own.scatter < self._least(less) or at_bound(effect):
+                if self._is_unneeded(effect, own, less):
                     present = less
                     break
                 rivals, nearest, better = self._rivalled(present, less, effect)
                 if better is not None:
-                    present = better.fit
                     self._rivals[place_of(better.added)] = (*rivals, effect.identifier)
+                    present = self._without_harmful(present, effect) or better.fit
                     break
                 evidence[key] = replace(own, rivals=rivals, nearest=nearest)
             else:
@@ -470,6 +470,22 @@ class Search(Models):
             key: self._evidence(present, self._without(present, one))
             for key, one in zip(keys_of(present.point.effects), present.point.effects, strict=True)
         }
+
+    def _is_unneeded(self, effect: DescribedEffect, own: Evidence, less: Fit) -> bool:
+        return self._earned(own) / own.scatter < self._least(less) or at_bound(effect)
+
+    def _without_harmful(self, present: Fit, replaced: DescribedEffect) -> Fit | None:
+        """Return the model without an effect that held-out steps contradict and make unneeded; None if there is none.
+
+        With such an effect in the model, a wrong rival can win that follows the error of both.
+        """
+        for effect in present.point.effects:
+            if effect is not replaced:
+                less = self._without(present, effect)
+                own = self._evidence(present, less)
+                if own.heldout < 0.0 and self._is_unneeded(effect, own, less):
+                    return less
+        return None
 
     def _earned(self, own: Evidence) -> float:
         """Return the gain that counts for an effect: that on the fitted steps plus that on held-out steps.
