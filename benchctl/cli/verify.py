@@ -38,7 +38,6 @@ def verify(
         if not verified.problems:
             result.say(str(verified))
             return
-        result.ok, result.error = False, verified.problems[0]
         for problem in verified.problems:
             tell(f"benchctl: {recording}: {problem}", err=True)
-        raise typer.Exit(1)
+        result.fail(verified.problems[0])
