@@ -42,7 +42,7 @@ ENCODER_TERMS = (
     "encoder_cos2_arcsec",
 )
 THERMAL_LAG = "thermal_lag_s"
-_LIKELY_LAG_S = 600.0
+LIKELY_LAG_S = 600.0
 _LAG_STEP_S = 3.0
 _NUDGE_C = 0.01
 _TURNS = 25
@@ -332,7 +332,7 @@ def _prior(problem: JointProblem) -> FloatArray:
     """Return the prior information, (p,): of the encoder's stated accuracy, and of typical lags of gyros."""
     information = np.zeros(len(problem.names))
     if problem.thermal:
-        information[problem.names.index(THERMAL_LAG)] = 1.0 / _LIKELY_LAG_S**2
+        information[problem.names.index(THERMAL_LAG)] = 1.0 / LIKELY_LAG_S**2
     if problem.encoder:
         information[-4:] = 1.0 / (problem.encoder_accuracy_arcsec or _UNKNOWN_ACCURACY_ARCSEC) ** 2
     return information

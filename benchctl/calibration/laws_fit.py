@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl.calibration.joint import THERMAL_LAG, JointProblem, JointSolution, fit_joint, predict
+from benchctl.calibration.joint import LIKELY_LAG_S, THERMAL_LAG, JointProblem, JointSolution, fit_joint, predict
 from benchctl.calibration.model import Law
 from benchctl.calibration.result import (
     CalibrationOptions,
@@ -22,7 +22,7 @@ from benchctl.calibration.result import (
 from benchctl.calibration.rows import gather
 from benchctl.calibration.stage_one import Carries, what_it_carries
 from benchctl.calibration.thermistor import ThermalHistory
-from benchctl.calibration.uncertainty import LEVEL, coverage_factor, dof_of_factor, effective_dof
+from benchctl.calibration.uncertainty import LEVEL, coverage_factor, dof_of_factor, effective_dof, mixed
 from benchctl.estimation.linear import fit_linear
 from benchctl.recordings.model import BenchFacts
 from benchctl.recordings.stated import Stated, StatedUncertainties
@@ -36,6 +36,8 @@ _SURE_OF_BEND = 10.0
 _LEAST_BEND = 1e-3
 _ENCODER_FROM_RUNS = 3
 _LAGS_S = (600.0, 420.0, 300.0, 210.0, 150.0)
+_LAGS_MIXED = 6
+"""Number of lags from 0 to the largest that is not excluded, over which the fit is averaged."""
 _LEAST_BEHIND_C = 1e-3
 _SETTLED = 0.5
 _EXCLUDED = 4.0
@@ -96,23 +98,18 @@ def fit_laws(
         raise UsageError(f"calibration: no law could be fitted jointly: {warnings[-1]}")
     solved.sort(key=lambda pair: pair[1].bic)
     lag_s, fitted = _thermal_lag(*solved[0], steps, thermal)
-    shifts: list[Mapping[str, float]] = [{}] * len(solved)
     if fitted is not None:
         others = (_with_lag(*pair, steps, thermal, lag_s) for pair in solved[1:])
         solved = [fitted, *(pair for pair in others if pair is not None)]
         solved.sort(key=lambda pair: pair[1].bic)
         warnings.append(_unsettled(solved[0][1], steps, thermal))
     elif lag_s > 0.0:
-        shifts = [_shift(pair, _at_lag(*pair, steps, thermal, lag_s)) for pair in solved]
+        solved = [(pair[0], _over_lags(*pair, steps, thermal, lag_s)) for pair in solved]
         warnings.append(
             f"The gyro may not have settled thermally: that its coil lags its thermistor by up to {lag_s:.0f} s cannot "
-            "be excluded. What that would change is in the uncertainties; a longer soak avoids it."
+            "be excluded. Values and uncertainties take such lags into account; a longer soak avoids it."
         )
-    fits = tuple(
-        _named(problem, solution, steps, bench, known, shift)
-        for (problem, solution), shift in zip(solved, shifts, strict=True)
-    )
-    return fits, tuple(warnings)
+    return tuple(_named(*pair, steps, bench, known) for pair in solved), tuple(warnings)
 
 
 def _thermal_lag(
@@ -186,11 +183,21 @@ def _is_sure(solution: JointSolution) -> bool:
     return solution.converged and lag_s > _SURE_OF_LAG * standard_s
 
 
-def _shift(plain: tuple[JointProblem, JointSolution], lagging: JointSolution | None) -> Mapping[str, float]:
-    """Return the change of each parameter due to a lag."""
-    if lagging is None:
-        return {}
-    return dict(zip(plain[1].names, map(float, lagging.estimate - plain[1].estimate), strict=True))
+def _over_lags(
+    problem: JointProblem,
+    solution: JointSolution,
+    steps: Sequence[ReducedStep],
+    thermal: ThermalHistory,
+    largest_s: float,
+) -> JointSolution:
+    """Return the solution as a mixture over lags from 0 to the largest, weighted by likelihood and typical lags."""
+    likely, weights = [solution.mixture], [1.0]
+    for lag_s in np.linspace(0.0, largest_s, _LAGS_MIXED)[1:]:
+        lagging = _at_lag(problem, solution, steps, thermal, float(lag_s))
+        if lagging is not None:
+            likely.append(lagging.mixture)
+            weights.append(math.exp(0.5 * (solution.bic - lagging.bic - (lag_s / LIKELY_LAG_S) ** 2)))
+    return replace(solution, mixture=mixed(likely, weights))
 
 
 def _unsettled(solution: JointSolution, steps: Sequence[ReducedStep], thermal: ThermalHistory) -> str:
@@ -321,12 +328,8 @@ def _named(
     steps: Sequence[ReducedStep],
     bench: BenchFacts,
     known: StatedUncertainties,
-    lag_shifts: Mapping[str, float],
 ) -> JointFit:
-    """Return the solution as a record of the result, with intervals and budgets.
-
-    `lag_shifts` are the changes of the parameters by the largest lag of the coil that is not excluded.
-    """
+    """Return the solution as a record of the result, with intervals and budgets."""
     low, high = solution.mixture.interval(0.95, solution.freedom)
     half = np.max(np.abs(solution.mixture.interval(LEVEL, solution.freedom) - solution.estimate), axis=0)
     standard = np.sqrt(np.diag(solution.covariance))
@@ -337,9 +340,6 @@ def _named(
         type_a, own = float(standard[i]), float(half[i])
         dof_a = dof_of_factor(own / type_a)
         budget = contributions(name, values, type_a, dof_a, steps, bench, problem.earth_rate_dps, known)
-        if shift := abs(lag_shifts.get(name, 0.0)):
-            says = "a lag of the coil behind its thermistor is not excluded"
-            budget += (Contribution(source="thermal lag", standard=shift / math.sqrt(3.0), kind="B", says=says),)
         combined = math.hypot(*(part.standard for part in budget))
         dof = effective_dof((part.standard, part.dof) for part in budget)
         expanded = max(coverage_factor(dof) * combined, own)

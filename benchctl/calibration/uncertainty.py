@@ -91,6 +91,16 @@ class Mixture:
         return quantile(tail), quantile(1.0 - tail)
 
 
+def mixed(mixtures: Sequence[Mixture], weights: Sequence[float]) -> Mixture:
+    """Return one mixture of several, weighted with positive weights, which need not add up to 1."""
+    shares = np.asarray(weights) / math.fsum(weights)
+    return Mixture(
+        weights=np.concatenate([share * one.weights for share, one in zip(shares, mixtures, strict=True)]),
+        means=np.concatenate([one.means for one in mixtures]),
+        covariances=np.concatenate([one.covariances for one in mixtures]),
+    )
+
+
 def dof_of_mixture(weights: FloatArray, variances: Sequence[float]) -> float:
     """Return the degrees of freedom of a variance that has one of several values, (k,) each, with these weights.
 

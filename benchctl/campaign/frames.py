@@ -22,6 +22,7 @@ import math
 import queue
 import threading
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -257,6 +258,12 @@ LAST_PATIENCE_S = 2.0
 LONGEST_S = 1.0
 """Maximum bench time to wait while frames still arrive; a clock that does not advance meanwhile sets no limit."""
 
+FRAME_TEMPERATURE = "poll_frame_temp_c"
+"""The further channel of a soak on a bench with a digital gyro."""
+
+POLLED_EVERY_S = 30.0
+"""Bench time between two readings of the gyro in a soak; the history of its temperature needs no more."""
+
 AGO = 3
 """Samples: one frame in transit, and the one being sampled."""
 
@@ -433,6 +440,45 @@ class FrameRecorder:
         if silent_s > AGO / self._pump.rate_hz:
             why = self._pump.silence
             raise LinkError(f"no frame came for {silent_s:.3g} s; look at its supply and its line ({why})")
+
+
+@dataclass(slots=True)
+class PolledFrames:
+    """The temperature that the bench's digital gyro states during a soak; `last_c` is NaN until it states one.
+
+    The gyro is started for some frames and stopped again, at most every 30 s: those of a complete soak would be some
+    gigabytes that no fit uses.
+    """
+
+    opened: OpenBench
+    supervisor: Supervisor
+    last_c: float = math.nan
+    _due_s: float = -math.inf
+
+    def poll(self) -> dict[str, float]:
+        """Return the channel of a poll, NaN while the gyro is not due or silent; empty if the bench has no such gyro.
+
+        Raises `SafetyError` after too long a silence.
+        """
+        gyro, entry, now_s = self.opened.gyro, self.opened.bench.gyro, self.opened.clock.now()
+        if gyro is None or entry is None:
+            return {}
+        if now_s < self._due_s:
+            return {FRAME_TEMPERATURE: math.nan}
+        found_c = self.supervisor.ask("gyro", partial(_temperature_c, gyro, entry.frame_rate_hz, self.opened.clock))
+        if found_c is None:
+            return {FRAME_TEMPERATURE: math.nan}
+        self.last_c, self._due_s = found_c, now_s + POLLED_EVERY_S
+        return {FRAME_TEMPERATURE: found_c}
+
+
+def _temperature_c(gyro: Gyro, rate_hz: float, clock: Clock) -> float:
+    rate_hz = gyro.start_stream(rate_hz)
+    try:
+        clock.sleep(AGO / rate_hz)
+        return float(gyro.read_stream(1, LAST_PATIENCE_S).temperature_c[-1])
+    finally:
+        gyro.stop_stream()
 
 
 def frame_channels(opened: OpenBench) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from benchctl.campaign.frames import NoFrames, StepFrames, frame_channels, frames_of
+from benchctl.campaign.frames import FRAME_TEMPERATURE, NoFrames, PolledFrames, StepFrames, frame_channels, frames_of
 from benchctl.campaign.interlocks import Change
 from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.operator import HOME_QUESTION, Meanwhile, Operator
@@ -70,7 +70,8 @@ class StepPlayer:
         """Play a step and return its final description; an interrupted step stays open until `close_torn`."""
         match step:
             case Soak():
-                return self._record(index, step, SOAK_CHANNELS, lambda into: self._soak(step, into))
+                further = (FRAME_TEMPERATURE,) if self.opened.gyro else ()
+                return self._record(index, step, (*SOAK_CHANNELS, *further), lambda into: self._soak(step, into))
             case PowerCycle():
                 return self._record(index, step, SOAK_CHANNELS, lambda into: power_cycle(self, step, into))
             case Mount():
@@ -180,6 +181,7 @@ class StepPlayer:
         self.opened.chamber.go_to(step.setpoint_c)
         watch = SoakWatch(step, from_c=self.setpoint_c, begin_s=self.now_s(), limits=self.opened.bench.limits)
         self.setpoint_c = step.setpoint_c
+        frames = PolledFrames(self.opened, self.supervisor)
         while not watch.done:
             self.wait(6 * self.opened.clock.chunk_s)
             self.supervisor.check_state()
@@ -188,8 +190,9 @@ class StepPlayer:
             if air is None or gyro is None:
                 continue
             self.gyro_c, gyro_v = gyro
-            watch.see(self.now_s(), air.temperature_c, self.gyro_c)
-            into.append_point(one_poll(self.now_s(), air, {"poll_gyro_temp_c": self.gyro_c, "poll_gyro_v": gyro_v}))
+            more = {"poll_gyro_temp_c": self.gyro_c, "poll_gyro_v": gyro_v, **frames.poll()}
+            watch.see(self.now_s(), air.temperature_c, self.gyro_c if math.isnan(frames.last_c) else frames.last_c)
+            into.append_point(one_poll(self.now_s(), air, more))
             self.notify(watch.state)
         return Span(t_start=watch.begin_s, t_end=self.now_s())
 

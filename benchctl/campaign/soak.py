@@ -13,7 +13,7 @@ from benchctl_instruments.interfaces import ChamberReading
 SOAK_CHANNELS = ("poll_time_s", "poll_chamber_temp_c", "poll_chamber_setpoint_c", "poll_gyro_temp_c", "poll_gyro_v")
 
 DRIFT_WINDOW_S = 600.0
-"""The drift of the gyro's thermistor is the slope over this time: noise of a few mK is then far below 0.02 °C/min."""
+"""The drift of the gyro's temperature is the slope over this time: noise of a few mK is then far below 0.02 °C/min."""
 
 
 def one_poll(time_s: float, air: ChamberReading, more: dict[str, float]) -> dict[str, float]:

@@ -11,6 +11,8 @@ a recording has frames, the digital gyro is the unit under test, and `under_test
 | `gyro_temp_c` | `frame_temp_c`                                                                                   |
 | `rate_x_dps`  | `frame_rate_x_dps` of a unit of three axes; `rate_y_dps` and `rate_z_dps` likewise               |
 
+`poll_gyro_temp_c` of a soak is its `poll_frame_temp_c`, the temperature that the gyro stated then.
+
 `Meta.output_unit` is then `deg/s`, as for an imported recording of rates: in results K0 is the stated rate over the
 true rate, a number near 1, and U0 a rate, although their names end in `_v_per_dps` and `_v`. The angle is moved to the
 frames and not the frames to the scans, because a spline through noise is no longer the gyro's noise.
@@ -45,7 +47,8 @@ AXIS_RATES = ("rate_x_dps", "rate_y_dps", "rate_z_dps")
 _AXES = dict(zip(AXIS_RATES, AXIS_CHANNELS, strict=True))
 _AS_SCANS: Mapping[str, str] = {"time_s": _TIME, "gyro_v": _RATE, "gyro_temp_c": _CELSIUS, **_AXES}
 _ANGLE = "encoder_deg"
-_OF_ANALOGUE = ("poll_gyro_temp_c", "poll_gyro_v")
+_THERMISTOR, _CELSIUS_POLLED = "poll_gyro_temp_c", "poll_frame_temp_c"
+_OF_ANALOGUE = (_THERMISTOR, "poll_gyro_v")
 _REACH = 24
 """Scans on either side that a spline is influenced by: beyond, by less than 1e-13."""
 _FEWEST = 4
@@ -113,8 +116,8 @@ class _Frames:
         there = self._recording.channels(index)
         axes = [name for name, recorded in _AXES.items() if recorded in there]
         scans = ("time_s", _ANGLE, "gyro_v", "gyro_temp_c", *axes) if index in self.rows else ()
-        polls = [name for name in there if axis_of(name) == "poll_time_s"]
-        return (*scans, *(name for name in polls if name not in _OF_ANALOGUE))
+        polls = [name for name in there if axis_of(name) == "poll_time_s" and name not in _OF_ANALOGUE]
+        return (*scans, *(_THERMISTOR if name == _CELSIUS_POLLED else name for name in polls))
 
     def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
         """See `StepSource`; without frames at an unknown angle."""
@@ -138,6 +141,8 @@ class _Frames:
             with self._lock:
                 if name == _ANGLE:
                     samples[:] = _angles(step, step.read(_TIME, first + start, first + start + samples.size))
+                elif name == _THERMISTOR:
+                    step.fill(_CELSIUS_POLLED, start, samples)
                 elif name not in _AS_SCANS:
                     step.fill(name, start, samples)
                 else:

@@ -110,13 +110,15 @@ def main() -> None:
     """Print a table, and write it where `--json` says."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--json", type=Path)
     parser.add_argument("-p", dest="changed", metavar="NAME=VALUE", action="append", default=[])
     parser.add_argument("--gyro", metavar="MODEL")
     parser.add_argument("--processes", type=int, default=2)
     arguments = parser.parse_args()
     changed = dict(text.split("=", 1) for text in arguments.changed)
-    counts, trials = coverage(range(1, arguments.seeds + 1), arguments.processes, changed, arguments.gyro)
+    seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
+    counts, trials = coverage(seeds, arguments.processes, changed, arguments.gyro)
     worst = {
         level: max(each.error_percent[level] for each in trials) for level in ("raw", "stage_1", "stage_2", "joint")
     }

@@ -17,7 +17,7 @@ from benchctl.calibration.noise_model import (
     score_scatter,
     walk_covariance,
 )
-from benchctl.calibration.uncertainty import Mixture
+from benchctl.calibration.uncertainty import Mixture, mixed
 
 
 def test_the_covariance_of_a_walks_means_is_that_of_many_walks() -> None:
@@ -117,3 +117,14 @@ def test_a_mixture_is_wider_than_its_parts() -> None:
     both = Mixture(weights=np.array([0.5, 0.5]), means=np.array([[-1.0], [1.0]]), covariances=np.ones((2, 1, 1)))
     assert both.mean[0] == 0.0
     assert both.covariance[0, 0] == pytest.approx(2.0)
+
+
+def test_mixtures_are_mixed_by_their_weights() -> None:
+    one, other = (
+        Mixture(weights=np.array([0.25, 0.75]), means=np.array([[a], [a]]), covariances=np.ones((2, 1, 1)))
+        for a in (0.0, 4.0)
+    )
+    both = mixed([one, other], [3.0, 1.0])
+    assert both.weights == pytest.approx([0.1875, 0.5625, 0.0625, 0.1875])
+    assert both.mean[0] == pytest.approx(1.0)
+    assert both.covariance[0, 0] == pytest.approx(1.0 + 3.0)  # within, and between: 0.75 · 1² + 0.25 · 3²

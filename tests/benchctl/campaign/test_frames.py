@@ -18,11 +18,12 @@ from benchctl.campaign.resume import past_of
 from benchctl.campaign.runner import Moment, Outcome, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.cli.sim import _write_bench
-from benchctl.plan import ConstantRate, Plan, Sine, Static, Step
+from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step
 from benchctl.recordings.digests import digest_of
 from benchctl.recordings.model import FRAME_CHANNELS
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl.recordings.verify import verify
+from benchctl.signals.under_test import under_test
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.simulated.clock import ScaledClock
 from benchctl_instruments.simulated.faults.stream_faults import FrameFault
@@ -141,6 +142,29 @@ def test_a_gyro_that_stays_silent_stops_the_run_and_the_bench_rests(tmp_path: Pa
         assert events(recording, "silence")
         assert [info.whole for info in recording.infos] == [False]
         assert recording.step(1)["frame_time_s"].size > RATE_HZ
+
+
+@pytest.mark.parametrize("model", ["kvh_dsp1760", "sensonor_stim300"])
+def test_a_soak_waits_for_the_digital_gyro_and_records_the_temperatures_that_it_states(
+    tmp_path: Path, model: str
+) -> None:
+    outcome = run(bench_with(model), tmp_path / "c", Soak(setpoint_c=26.0, hold_s=60.0), TURN)
+    assert (outcome.status, verify(outcome.recording)) == ("complete", [])
+    with open_recording(outcome.recording) as recording:
+        soak, unit = recording.step(1), under_test(recording).step(1)
+    stated_c, thermistor_c = soak["poll_frame_temp_c"], soak["poll_gyro_temp_c"]
+    # a second gyro of the same make in the same chamber
+    assert np.isfinite(stated_c).all()
+    assert np.ptp(stated_c) > 2.0
+    assert stated_c == pytest.approx(thermistor_c, abs=0.05)
+    assert unit["poll_gyro_temp_c"].tolist() == stated_c.tolist()
+
+
+def test_a_gyro_that_falls_silent_in_a_soak_stops_the_run(tmp_path: Path) -> None:
+    fault = FrameFault(on="gyro", kind="frames_end", from_s=300.0)
+    outcome = run(bench_with("kvh_dsp1760", fault), tmp_path / "c", Soak(setpoint_c=26.0, hold_s=3600.0))
+    assert outcome.status == "aborted"
+    assert str(outcome.error).startswith("gyro: no news for ")
 
 
 def test_a_stopped_run_keeps_its_frames_ends_its_thread_and_is_gone_on_with(tmp_path: Path) -> None:
