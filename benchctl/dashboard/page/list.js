@@ -152,9 +152,7 @@ function toldOf(all, found, live) {
   if (!all.length) return "No campaign is here yet. Run one: benchctl run two_stage --bench simulated";
   if (!found.length)
     return `None of ${count(all.length)} campaigns has this. Search for a part of its name, unit, procedure or status.`;
-  const told =
-    found.length === all.length
-      ? `${count(all.length)} campaigns`
-      : `${count(found.length)} of ${count(all.length)} campaigns`;
+  const whole = `${count(all.length)} ${all.length === 1 ? "campaign" : "campaigns"}`;
+  const told = found.length === all.length ? whole : `${count(found.length)} of ${whole}`;
   return live.length ? `${told}, ${live.length} not finished` : told;
 }

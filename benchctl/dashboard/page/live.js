@@ -1,6 +1,6 @@
 // A campaign that runs: where it is in its plan, what is measured, how near the limits are, and the way to stop it.
 
-import { campaignPath, get, unlessAway } from "./api.js";
+import { campaignPath, get, repeat } from "./api.js";
 import * as banners from "./banners.js";
 import { el, fill, say } from "./dom.js";
 import { appendEvents } from "./events.js";
@@ -222,17 +222,15 @@ class LivePage {
       this.stopAsked ? `, ${duration(after_s)} after Stop was asked for.` : ".",
       this.safe ? ` The bench is ${this.safe}.` : "",
     ]);
-    setTimeout(() => unlessAway(() => this.moveOn(), this.signal), MOVED_ON_MS);
+    repeat(() => this.moveOn(), MOVED_ON_MS, this.signal);
     setTimeout(() => banners.hide("ended"), ENDED_SHOWN_MS);
   }
 
   // A run that is judged by limits goes on computing its verdict after its end, and the queue still has it.
   async moveOn() {
-    if (this.signal.aborted) return;
     const { run } = await queueNow(this.signal);
     if (run?.campaign === this.campaign.id && run.fault === null) {
       fill(this.where, el("b", {}, "The verdict is being computed …"));
-      setTimeout(() => unlessAway(() => this.moveOn(), this.signal), MOVED_ON_MS);
       return;
     }
     const { has } = await get(campaignPath(this.campaign.id), {}, this.signal);
