@@ -223,7 +223,11 @@ class Untouched:
         return math.sqrt(float(left @ left) / max(left.size, 1))
 
     def _stands_apart(self, one: DescribedEffect) -> bool:
-        """Return whether no other single effect, fitted in its place, absorbs most of an effect's change."""
+        """Return whether no fit without an effect absorbs most of its change, alone or with another single effect.
+
+        The fitted parameters alone can absorb more than to first order: an offset of a pendulum is also another angle
+        at which it hangs.
+        """
         problem, rows = self._problem, self._problem.usable
         target = self._predicted + self._change(problem, one)
         added = self._unexplained(self._whitened(target - self._predicted)[rows])
@@ -233,11 +237,9 @@ class Untouched:
         def whiten(values: FloatArray) -> FloatArray:
             return np.where(rows, self._whitened(values) / self._left, 0.0)
 
-        for kind in problem.effects.values():
-            rival = None if kind.identifier in there else self._likest(kind, added)
-            if rival is None:
-                continue
-            point = Point(baseline=self._baseline, effects=(*self._own, rival))
+        others = (self._likest(kind, added) for kind in problem.effects.values() if kind.identifier not in there)
+        for instead in ((), *((rival,) for rival in others if rival is not None)):
+            point = Point(baseline=self._baseline, effects=(*self._own, *instead))
             free = nothing_known(point, tuple(point.free(problem.baseline_names, problem.baseline_bounds)))
             if distance(target, free, problem.predict, whiten) < least:
                 return False
