@@ -22,6 +22,7 @@ from benchctl.reports import text
 from benchctl.reports.comparison_page import comparison_page, sentence
 from benchctl.reports.html import write_page
 from benchctl.reports.results import make_folder, name_of, source_digest
+from benchctl.signals.under_test import under_test
 from benchctl_instruments.errors import UsageError
 
 REPORT = "comparison.html"
@@ -50,7 +51,8 @@ class Compared:
 
 def compare_recordings(simulated: Path, real: Path) -> Compared:
     """Compare two recordings of one procedure; `UsageError` if unreadable, identical or without a common step."""
-    with open_recording(simulated) as theirs, open_recording(real) as ours:
+    with open_recording(simulated) as first, open_recording(real) as second:
+        theirs, ours = under_test(first), under_test(second)
         if theirs.digest and theirs.digest == ours.digest:
             raise UsageError(f"{simulated}, {real}: the samples are identical; name two different recordings")
         rows = sum(info.samples for info in (*ours.infos, *theirs.infos))
@@ -68,7 +70,8 @@ def compare_with_models(path: Path, model: Path | None) -> Compared:
 
     Raises `UsageError` if the recording or the file cannot be read, or if there is no model at all.
     """
-    with open_recording(path) as recording:
+    with open_recording(path) as opened:
+        recording = under_test(opened)
         models: dict[str, Mapping[str, Any]] = {}
         if recording.meta.simulation is not None:
             models[LAB] = {"simulation": recording.meta.simulation}

@@ -31,6 +31,8 @@ _COHERENT = 0.5
 """Coherence above which a bin contains motion."""
 _OCTAVE = 2.0
 """Edge of the low-pass filter's stop band over that of its pass band."""
+_OCTAVES_DOWN = 1.5
+"""From the middle of the first octave beyond the stop band down to the edge of the motion."""
 _NOTICEABLE = 0.25
 """Share of the output's power beyond the motion, that of the gyro's noise, above which the reference's noise counts.
 
@@ -64,9 +66,10 @@ def without_noise(frame: Frame) -> Frame:
 def _known_hz(frame: Frame) -> float | None:
     """Return the highest frequency at which reference and output are coherent; None if the reference is not noisy.
 
-    It is noisy if its power in the octave beyond twice this frequency, where it should have none, times the squared
-    gain is a noticeable share of the output's. Compared are derivatives, in which strong slow motion does not hide
-    weak noise.
+    It is noisy if its power times the squared gain, at frequencies where it should have none, is a noticeable share of
+    the output's. Compared are derivatives, in which strong slow motion does not hide weak noise. What counts is the
+    share at the edge of the motion: it is extrapolated from the two octaves beyond twice this frequency, since white
+    noise of an encoder's angle, of which the share grows with the squared frequency, does no harm there.
     """
     sample_rate_hz = 1.0 / frame.interval_s
     longest = max(part.stop - part.start for part in frame.stretches)
@@ -94,10 +97,17 @@ def _known_hz(frame: Frame) -> float | None:
         return None
     known_hz = float(frequency[coherent].max())
     stop_hz = _OCTAVE * known_hz
-    beyond = (frequency > stop_hz) & (frequency <= min(_OCTAVE * stop_hz, passing_hz))
     gain = float(np.abs(shared[coherent]).sum() / of_reference[coherent].sum())
-    noisy = gain**2 * float(of_reference[beyond].sum()) > _NOTICEABLE * float(of_output[beyond].sum())
-    return known_hz if noisy else None
+
+    def share(from_hz: float, to_hz: float) -> float:
+        beyond = (frequency > from_hz) & (frequency <= to_hz)
+        of_both = float(of_reference[beyond].sum()), float(of_output[beyond].sum())
+        return gain**2 * of_both[0] / of_both[1] if of_both[1] > 0.0 else 0.0
+
+    near = share(stop_hz, min(_OCTAVE * stop_hz, passing_hz))
+    far = share(_OCTAVE * stop_hz, _OCTAVE**2 * stop_hz)
+    at_motion = near * min(near / far, 1.0) ** _OCTAVES_DOWN if far > 0.0 else near
+    return known_hz if at_motion > _NOTICEABLE else None
 
 
 def _pooled(values: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ import pytest
 
 from benchctl.app.accept import accept
 from benchctl.app.allan import allan
+from benchctl.app.compare import NEW, compare_with_models
 from benchctl.app.compensate import compensate
 from benchctl.app.diagnose import diagnose
 from benchctl.app.fit import FitResult, fit
@@ -145,6 +146,17 @@ def test_a_concealed_delay_of_the_frames_is_fitted_and_diagnosed(fitted: FitResu
     findings = {one.effect: one for one in diagnose([late]).findings}
     offset = findings["timing_offset"].parameters["offset_s"]
     assert offset.low - 1e-5 < found["value"] < offset.high + 1e-5
+
+
+def test_it_is_compared_with_a_model_of_its_rate(recorded: Path, tmp_path: Path) -> None:
+    (tmp_path / "model.toml").write_text(
+        'format = "benchctl-model/1"\nrecording = ""\n[simulation]\nK0_v_per_dps = 1.0\nU0_v = 0.0\nT0_c = 20.0\n'
+        "k_T = []\nk_omega = []\nnoise_v_rms = 0.01\noutput_limit_v = 350.0\n"
+    )
+    compared = compare_with_models(recorded, tmp_path / "model.toml")
+    assert compared.unit == "°/s"
+    # a straight line: at 60 °/s the sine falls short by 0.73 °/s
+    assert 0.1 < compared.parting.rms_v[NEW] < 1.0
 
 
 def test_the_drive_is_diagnosed_from_the_scans(recorded: Path) -> None:

@@ -24,10 +24,11 @@ def recorded(
     delay_s: float = 0.0,
     cutoff_hz: float | None = None,
     shaking_dps: float = 0.0,
+    angle_noise_deg: float = 0.0,
 ) -> Recording:
     """A swing of 0.1 and 0.37 Hz, whose angle is the sum of rates with white noise, as a controller logs them.
 
-    Both sensors see a shaking of 6 Hz.
+    Both sensors see a shaking of 6 Hz. The angle itself may have white noise, as that of a real encoder has.
     """
     chance = np.random.default_rng(0)
     fine_s = np.arange(-AROUND_S, SECONDS + AROUND_S, 1.0 / (FINER * RATE_HZ))
@@ -41,6 +42,7 @@ def recorded(
     logged = np.interp(time_s, fine_s, rate) + reference_dps * chance.standard_normal(time_s.size)
     felt = np.interp(time_s - delay_s, fine_s, sensed) + GYRO_DPS * chance.standard_normal(time_s.size)
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (logged[1:] + logged[:-1]) / RATE_HZ)])
+    angle += angle_noise_deg * chance.standard_normal(angle.size)
     return recording_of({"time_s": time_s, "encoder_deg": np.mod(angle, 360.0), "gyro_v": U0 + K0 * felt})
 
 
@@ -79,4 +81,9 @@ def test_a_motion_without_noticeable_noise_or_with_fast_shaking_is_left_as_it_is
     reference_dps: float, shaking_dps: float
 ) -> None:
     whole = frame(recorded(reference_dps=reference_dps, shaking_dps=shaking_dps))
+    assert without_noise(whole) is whole
+
+
+def test_white_noise_of_the_angle_which_does_no_harm_at_slow_motion_leaves_the_motion_as_it_is() -> None:
+    whole = frame(recorded(reference_dps=0.0, angle_noise_deg=0.02))
     assert without_noise(whole) is whole
