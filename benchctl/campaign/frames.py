@@ -446,8 +446,8 @@ class FrameRecorder:
 class PolledFrames:
     """The temperature that the bench's digital gyro states during a soak; `last_c` is NaN until it states one.
 
-    The gyro is started for some frames and stopped again, at most every 30 s: those of a complete soak would be some
-    gigabytes that no fit uses.
+    The gyro is started for some frames and stopped again, at most every 30 s: those of complete soaks would be most of
+    the recording, and no fit uses them.
     """
 
     opened: OpenBench
