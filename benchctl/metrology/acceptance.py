@@ -102,7 +102,7 @@ def accepted(recording: Recording, limits: Limits) -> Acceptance:
         rule=rule,
         judged=every,
         papers=limits.papers,
-        limits_name=str(limits.path),
+        limits_name=limits.path.name,
         limits_sha256=limits.sha256,
         limits_text=limits.text,
         anomalies=tuple(_anomalies(recording)),

@@ -343,7 +343,7 @@ def test_an_acceptance_judges_every_test_and_keeps_what_it_judged_by() -> None:
     assert [one.measured.name for one in found.judged] == list(UNITS)
     assert {one.measured.name for one in found.judged if one.verdict is None} == UNITS.keys() - LIMITS.limits.keys()
     assert (found.limits_name, found.limits_sha256, found.limits_text) == (
-        "lab/limits.toml",
+        "limits.toml",
         LIMITS.sha256,
         LIMITS.text,
     )
