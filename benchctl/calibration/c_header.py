@@ -101,11 +101,17 @@ def stage_names(law: AppliedLaw, index: int) -> StageNames:
 def constants(compensation: Compensation) -> Iterator[Constant]:
     """Yield every number that the functions of the header use, and those that its user needs."""
     law, expanded = compensation.law, compensation.expanded
+    unit, upper = compensation.output_unit, _OUTPUTS[compensation.output_unit][1]
     k0, u0, s = "K0_v_per_dps", "U0_v", "S_rad_per_dps"
     yield Constant(
-        name="GYRO_K0_V_PER_DPS", value=law.K0_v_per_dps, comment="V/(deg/s), scale factor", expanded=expanded.get(k0)
+        name=f"GYRO_K0_{upper}_PER_DPS",
+        value=law.K0_v_per_dps,
+        comment=f"{f'({unit})' if '/' in unit else unit}/(deg/s), scale factor",
+        expanded=expanded.get(k0),
     )
-    yield Constant(name="GYRO_U0_V", value=law.U0_v, comment="V, output at rest", expanded=expanded.get(u0))
+    yield Constant(
+        name=f"GYRO_U0_{upper}", value=law.U0_v, comment=f"{unit}, output at rest", expanded=expanded.get(u0)
+    )
     if law.knows_temperature:
         yield Constant(name="GYRO_T0_C", value=law.T0_c, comment="degC, dT counts from here")
     if law.name == "sine":
@@ -117,9 +123,9 @@ def constants(compensation: Compensation) -> Iterator[Constant]:
         )
     for i, value in enumerate(law.bias, start=1):
         yield Constant(
-            name=f"GYRO_U0_T{i}_V_PER_C{i}",
+            name=f"GYRO_U0_T{i}_{upper}_PER_C{i}",
             value=value,
-            comment=f"V/degC^{i}, output at rest over dT^{i}",
+            comment=f"{unit}/degC^{i}, output at rest over dT^{i}",
             expanded=expanded.get(f"c{i}"),
         )
     for index in range(len(law.stages)):
@@ -185,6 +191,9 @@ def _of_use(compensation: Compensation | AxesCompensation) -> Iterator[Constant]
     yield Constant(name="GYRO_COVERAGE_FACTOR", value=compensation.k, comment="their level is that of this k, 95.45 %")
 
 
+_OUTPUTS = {"V": ("volts", "V"), "deg/s": ("stated_dps", "DPS")}
+"""The argument of the functions and the unit in the names of the macros, for each unit of an output."""
+
 _FORMULAS = {
     "sine": "rate = asin(S x / k(T)) / S",
     "polynomial": "rate = x k(T) k(x), and again by the factors of each further stage",
@@ -198,7 +207,7 @@ def c_header(compensation: Compensation | AxesCompensation) -> str:
     Raises
     ------
     UsageError
-        If the output of one axis is not in volts, or the law has no output for a rate in `valid`.
+        If the output of one axis is neither in volts nor in deg/s, or the law has no output for a rate in `valid`.
     """
     environment = Environment(
         loader=PackageLoader("benchctl.calibration", ""),
@@ -227,21 +236,24 @@ def c_header(compensation: Compensation | AxesCompensation) -> str:
             points=compensation.self_test_points(),
             **common,
         )
-    if compensation.output_unit != "V":
+    if compensation.output_unit not in _OUTPUTS:
         raise UsageError(
-            f"these coefficients are of an output in {compensation.output_unit}, expected V for a "
-            "C header; export --to json"
+            f"these coefficients are of an output in {compensation.output_unit}, expected "
+            f"{' or '.join(_OUTPUTS)} for a C header; export --to json"
         )
+    output, unit = _OUTPUTS[compensation.output_unit]
     law = compensation.law
     stages = [stage_names(law, index) for index in range(len(law.stages))]
     return environment.get_template("c_header.h.j2").render(
-        inputs="volts",
+        inputs="volts" if unit == "V" else "the stated rate",
+        output=output,
+        unit=unit,
         law=law,
         formula=_FORMULAS[law.name],
         constants=list(constants(compensation)),
         stages=stages,
         slopes=[f"{2 * i + 3}.0 * {name}" for i, name in enumerate(stages[0].k_omega)],
-        bias=[f"GYRO_U0_T{i + 1}_V_PER_C{i + 1}" for i in range(len(law.bias))],
+        bias=[f"GYRO_U0_T{i + 1}_{unit}_PER_C{i + 1}" for i in range(len(law.bias))],
         points=self_test_points(compensation),
         STEEPEST=STEEPEST,
         FLATTEST=FLATTEST,
@@ -292,7 +304,7 @@ _COORDINATES = {
     "rate": "rate_dps",
     "abs_rate": "fabs(rate_dps)",
     "rate_sign": "gyro_direction(rate_dps)",
-    "output": "output_v",
+    "output": "output",
 }
 
 

@@ -197,9 +197,19 @@ def test_a_wrong_constant_fails_the_self_test(tmp_path: Path) -> None:
     assert asked(program_with(tmp_path), np.zeros(1), np.zeros(1)).missed > 20
 
 
-def test_an_output_that_is_no_voltage_gets_no_header(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="an output in deg/s, expected V for a C header"):
-        export_c_header(read_compensation(written(tmp_path, output_unit="deg/s")), tmp_path / "g.h")
+def test_the_header_of_a_digital_gyro_takes_the_rate_that_it_states(tmp_path: Path) -> None:
+    joint = joint_of("sine", {"K0_v_per_dps": 0.998, "S_rad_per_dps": 0.0045, "g1": -1.3e-4, "U0_v": 0.01, "c1": 4e-4})
+    compensation, program = compiled(written(tmp_path, output_unit="deg/s", joint=joint), tmp_path)
+    _agree(compensation, program)
+    text = (tmp_path / "gyro_compensation.h").read_text()
+    assert {"GYRO_K0_DPS_PER_DPS", "GYRO_U0_DPS", "GYRO_U0_T1_DPS_PER_C1"} <= set(text.split())
+    assert "double gyro_rate_dps(double stated_dps, double celsius)" in text
+    assert "volts" not in text
+
+
+def test_an_output_that_is_neither_volts_nor_a_rate_gets_no_header(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="an output in deg/h, expected V or deg/s for a C header"):
+        export_c_header(read_compensation(written(tmp_path, output_unit="deg/h")), tmp_path / "g.h")
     assert not (tmp_path / "g.h").exists()
 
 
