@@ -37,6 +37,7 @@ from benchctl.recordings.reader import Recording
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.effect import DescribedEffect, PhysicalEffect
+from benchctl_instruments.physics.structures import structure_named
 
 FAIR = (0.5, 2.0)
 """Range of a fair size: rms relative to the residual of the untouched diagnosis, drawn uniformly in the logarithm."""
@@ -104,10 +105,15 @@ class Untouched:
 
     @cached_property
     def _own(self) -> tuple[DescribedEffect, ...]:
+        """The effects and structures of the untouched recording's model."""
+        unexplained = self._answer["unexplained"]
+        models = [unexplained["model"], *unexplained.get("further", ())] if "model" in unexplained else []
+        stated = [(one["effect"], one) for one in self._answer["findings"]] + [(one["name"], one) for one in models]
+        known = {**self._problem.effects, **{one["name"]: structure_named(one["name"]) for one in models}}
         return tuple(
-            self._made(one["effect"], {name: value["value"] for name, value in one["parameters"].items()})
-            for one in self._answer["findings"]
-            if one["effect"] in self._problem.effects
+            kind.make({key: value["value"] for key, value in one["parameters"].items()}, self._problem.circumstances)
+            for name, one in stated
+            if (kind := known.get(name)) is not None
         )
 
     def drawn(self, seed: int, index: int) -> Injection:
@@ -312,11 +318,12 @@ class Untouched:
             columns.append(self._problem.predict(moved, self._own) - self._predicted)
         for place, one in enumerate(self._own):
             for name, parameter in one.parameters.items():
-                if parameter.role == "choice":
+                if parameter.role in ("choice", "assumed"):
                     continue
                 value = one.values[name]
                 own = list(self._own)
-                own[place] = self._made(one.identifier, {**one.values, name: value + _NUDGE * (value or 1.0)})
+                moved_to = {**one.values, name: value + _NUDGE * (value or 1.0)}
+                own[place] = type(one).make(moved_to, self._problem.circumstances)
                 columns.append(self._problem.predict(self._baseline, own) - self._predicted)
         table = np.stack([self._whitened(column) for column in columns], axis=1)
         return np.asarray(table / np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300))

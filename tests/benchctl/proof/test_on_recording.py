@@ -14,6 +14,7 @@ from benchctl.proof import inject
 from benchctl.proof.injection import FAIR, Injection, Untouched
 from benchctl.proof.on_recording import _scored
 from benchctl.recordings.reader import open_recording
+from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.cli.processes import benchctl
 from tests.benchctl.diagnosis.gyro.test_response import stepped_recording
 from tests.benchctl.diagnosis.moving import KINDS, NOISE_V, write_moving
@@ -43,6 +44,21 @@ def test_only_the_output_is_changed_and_by_what_the_effect_does(plain: Path, sai
     turning = next(step for step in range(len(steps)) if steps[step].info.kind == "constant_rate")
     added = changed[turning]["gyro_v"] - steps[turning]["gyro_v"]
     assert added[100:-100] == pytest.approx(2e-6 * 40.0**2, rel=0.01)
+
+
+def test_an_effect_is_added_to_the_model_with_what_was_found_without_a_name(
+    plain: Path, said: dict[str, object]
+) -> None:
+    values = {"change": {"value": 1.0}, "at": {"value": -1e3}, "width": {"value": 1.0}}  # doubles the scale factor
+    doubled = {**said, "unexplained": {"model": {"name": "step_of_scale_over_time", "parameters": values}}}
+    one = Injection(index=0, effect="scale_asymmetry", parameters={"fraction": 0.01}, share=1.0, nonce="")
+
+    def added(answer: dict[str, object]) -> FloatArray:
+        steps = zip(recording.steps(), Untouched(recording, answer).with_it(one), strict=True)
+        return np.concatenate([other["gyro_v"] - step["gyro_v"] for step, other in steps])
+
+    with open_recording(plain) as recording:
+        assert added(doubled) == pytest.approx(2.0 * added(said), rel=0.01, abs=1e-6)
 
 
 def test_a_limit_cuts_the_samples_themselves(plain: Path, said: dict[str, object]) -> None:
