@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import statistics
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -14,8 +16,8 @@ from tests.benchctl.dashboard.page.browsing import Served, a_page, picture, serv
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 _SECONDS = 40_000
-_QUICK_MS = 2_000
-"""From a key to the drawn view, with four channels, on a machine that has other work: far beyond what is measured."""
+_QUICK = 0.25
+"""Median time from a key to the drawn view over that of the overview, which reads every sample once."""
 
 
 @pytest.fixture(scope="module")
@@ -34,11 +36,13 @@ def test_a_long_recording_is_shown_while_its_overview_is_made_and_zoomed_quickly
     with a_page(browser, served.url) as seen:
         page = seen.page
         page.goto(f"{served.url}#{served.token}")
+        began_s = time.monotonic()
         page.locator(".campaigns a").click()
         said = page.locator(".zoom > .how")
         expect(said).to_contain_text("the overview is being made")
         picture(page, "overview-being-made-light")
         expect(said).not_to_contain_text("being made", timeout=120_000)
+        overview_ms = 1e3 * (time.monotonic() - began_s)
         picture(page, "long-light")
         took_ms = []
         for key in ["+"] * 16 + ["ArrowRight"] * 4 + ["-"] * 8:
@@ -46,6 +50,6 @@ def test_a_long_recording_is_shown_while_its_overview_is_made_and_zoomed_quickly
             page.keyboard.press(key)
             expect(page.locator(".zoom[data-drawn-ms]")).to_have_count(1)
             took_ms.append(float(page.locator(".zoom").get_attribute("data-drawn-ms") or "nan"))
-        took_ms.sort()
-        sys.stdout.write(f"zoomed: median {took_ms[len(took_ms) // 2]:.0f} ms, longest {took_ms[-1]:.0f} ms\n")
-        assert took_ms[-1] < _QUICK_MS
+        median_ms = statistics.median(took_ms)
+        sys.stdout.write(f"overview {overview_ms:.0f} ms, zoomed: median {median_ms:.0f} ms\n")
+        assert median_ms < _QUICK * overview_ms
