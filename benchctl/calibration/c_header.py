@@ -98,6 +98,12 @@ def stage_names(law: AppliedLaw, index: int) -> StageNames:
     )
 
 
+def bias_names(compensation: Compensation) -> tuple[str, ...]:
+    """Return the macros of the coefficients of the bias over temperature, from the first power up."""
+    unit = _OUTPUTS[compensation.output_unit][1]
+    return tuple(f"GYRO_U0_T{power}_{unit}_PER_C{power}" for power in range(1, len(compensation.law.bias) + 1))
+
+
 def constants(compensation: Compensation) -> Iterator[Constant]:
     """Yield every number that the functions of the header use, and those that its user needs."""
     law, expanded = compensation.law, compensation.expanded
@@ -121,9 +127,9 @@ def constants(compensation: Compensation) -> Iterator[Constant]:
             comment="rad/(deg/s), phase per rate",
             expanded=expanded.get(s),
         )
-    for i, value in enumerate(law.bias, start=1):
+    for i, (name, value) in enumerate(zip(bias_names(compensation), law.bias, strict=True), start=1):
         yield Constant(
-            name=f"GYRO_U0_T{i}_{upper}_PER_C{i}",
+            name=name,
             value=value,
             comment=f"{unit}/degC^{i}, output at rest over dT^{i}",
             expanded=expanded.get(f"c{i}"),
@@ -253,7 +259,7 @@ def c_header(compensation: Compensation | AxesCompensation) -> str:
         constants=list(constants(compensation)),
         stages=stages,
         slopes=[f"{2 * i + 3}.0 * {name}" for i, name in enumerate(stages[0].k_omega)],
-        bias=[f"GYRO_U0_T{i + 1}_{unit}_PER_C{i + 1}" for i in range(len(law.bias))],
+        bias=bias_names(compensation),
         points=self_test_points(compensation),
         STEEPEST=STEEPEST,
         FLATTEST=FLATTEST,

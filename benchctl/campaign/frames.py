@@ -463,9 +463,8 @@ class PolledFrames:
         gyro, entry, now_s = self.opened.gyro, self.opened.bench.gyro, self.opened.clock.now()
         if gyro is None or entry is None:
             return {}
-        if now_s < self._due_s:
-            return {FRAME_TEMPERATURE: math.nan}
-        found_c = self.supervisor.ask("gyro", partial(_temperature_c, gyro, entry.frame_rate_hz, self.opened.clock))
+        ask = partial(_temperature_c, gyro, entry.frame_rate_hz, self.opened.clock)
+        found_c = self.supervisor.ask("gyro", ask) if now_s >= self._due_s else None
         if found_c is None:
             return {FRAME_TEMPERATURE: math.nan}
         self.last_c, self._due_s = found_c, now_s + POLLED_EVERY_S

@@ -105,16 +105,25 @@ class Untouched:
 
     @cached_property
     def _own(self) -> tuple[DescribedEffect, ...]:
-        """The effects and structures of the untouched recording's model."""
-        unexplained = self._answer["unexplained"]
-        models = [unexplained["model"], *unexplained.get("further", ())] if "model" in unexplained else []
-        stated = [(one["effect"], one) for one in self._answer["findings"]] + [(one["name"], one) for one in models]
-        known = {**self._problem.effects, **{one["name"]: structure_named(one["name"]) for one in models}}
+        """The effects and structures of the untouched recording's model; the noises that it names are not in it."""
+        named = ((one["effect"], one) for one in self._answer["findings"] if one["effect"] in self._problem.effects)
+        unnamed = ((one["name"], one) for one in self._unnamed)
         return tuple(
-            kind.make({key: value["value"] for key, value in one["parameters"].items()}, self._problem.circumstances)
-            for name, one in stated
-            if (kind := known.get(name)) is not None
+            self._made(name, {key: value["value"] for key, value in one["parameters"].items()})
+            for name, one in (*named, *unnamed)
         )
+
+    @property
+    def _unnamed(self) -> Sequence[Mapping[str, Any]]:
+        """The structures of the untouched recording's model, as JSON data."""
+        unexplained = self._answer["unexplained"]
+        return [unexplained["model"], *unexplained.get("further", ())] if "model" in unexplained else []
+
+    @cached_property
+    def _kinds(self) -> Mapping[str, type[DescribedEffect]]:
+        """The effects of the part, and the structures of the untouched recording's model."""
+        structures = {one["name"]: structure_named(one["name"]) for one in self._unnamed}
+        return {**self._problem.effects, **{name: kind for name, kind in structures.items() if kind is not None}}
 
     def drawn(self, seed: int, index: int) -> Injection:
         """Draw an injection, reproducible for a given seed and index.
@@ -177,7 +186,7 @@ class Untouched:
         return bool(np.nanmax(np.abs(self._change(problem, one))) <= most)
 
     def _made(self, name: str, values: Mapping[str, float]) -> DescribedEffect:
-        return self._problem.effects[name].make(values, self._problem.circumstances)
+        return self._kinds[name].make(values, self._problem.circumstances)
 
     def _change(self, problem: PartProblem, one: DescribedEffect) -> FloatArray:
         """Return the effect's change of the measured quantity, shape (n,); a converter's effects act on the samples."""
@@ -322,8 +331,7 @@ class Untouched:
                     continue
                 value = one.values[name]
                 own = list(self._own)
-                moved_to = {**one.values, name: value + _NUDGE * (value or 1.0)}
-                own[place] = type(one).make(moved_to, self._problem.circumstances)
+                own[place] = self._made(one.identifier, {**one.values, name: value + _NUDGE * (value or 1.0)})
                 columns.append(self._problem.predict(self._baseline, own) - self._predicted)
         table = np.stack([self._whitened(column) for column in columns], axis=1)
         return np.asarray(table / np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300))

@@ -150,9 +150,9 @@ function searchable(one) {
 
 function toldOf(all, found, live) {
   if (!all.length) return "No campaign is here yet. Run one: benchctl run two_stage --bench simulated";
+  const total = `${count(all.length)} ${all.length === 1 ? "campaign" : "campaigns"}`;
   if (!found.length)
-    return `None of ${count(all.length)} campaigns has this. Search for a part of its name, unit, procedure or status.`;
-  const whole = `${count(all.length)} ${all.length === 1 ? "campaign" : "campaigns"}`;
-  const told = found.length === all.length ? whole : `${count(found.length)} of ${whole}`;
+    return `None of ${total} has this. Search for a part of its name, unit, procedure or status.`;
+  const told = found.length === all.length ? total : `${count(found.length)} of ${total}`;
   return live.length ? `${told}, ${live.length} not finished` : told;
 }

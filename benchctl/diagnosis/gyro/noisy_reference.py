@@ -34,7 +34,7 @@ _OCTAVE = 2.0
 _OCTAVES_DOWN = 1.5
 """From the middle of the first octave beyond the stop band down to the edge of the motion."""
 _NOTICEABLE = 0.25
-"""Share of the output's power beyond the motion, that of the gyro's noise, above which the reference's noise counts.
+"""Share of the output's noise at the edge of the motion above which the reference's noise counts.
 
 In simulated recordings of some minutes a tenth did no harm, and a half led to false findings.
 """

@@ -106,6 +106,7 @@ def test_a_lag_that_is_not_excluded_is_in_the_intervals_and_is_no_parameter(tmp_
     result = fitted(recorded(1, {"points": "3", "soak_s": "4500"}, tmp_path))
     assert any(warning.startswith("The gyro may not have settled thermally") for warning in result.warnings)
     assert "thermal_lag_s" not in [one.name for one in result.best.parameters]
+    assert result.best.parameter("K0_v_per_dps").says == "scale factor at T0 and low rates"
     assert outside(result) == set()
     # its lag of 300 s moves g2 by as much as the noise does
     low, high = result.best.parameter("g2").ci95
