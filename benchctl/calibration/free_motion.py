@@ -93,7 +93,8 @@ def fit_free_motion(
     cluster = (np.arange(columns.shape[0]) * clusters // columns.shape[0]).astype(np.int64)
     covariance, dof = clustered_covariance(columns, residual[inside], cluster)
     scale = 1.0 / float(coefficients[0])
-    widths = coverage_factor(dof, 0.95) * np.sqrt(np.diag(covariance)) * np.array([scale**2, abs(scale)])
+    factors = np.array([coverage_factor(each, 0.95) for each in dof.tolist()])
+    widths = factors * np.sqrt(np.diag(covariance)) * np.array([scale**2, abs(scale)])
     return FreeMotionFit(
         scale=scale,
         scale_ci95=(scale - float(widths[0]), scale + float(widths[0])),

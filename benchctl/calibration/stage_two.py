@@ -8,6 +8,7 @@ Rates at every level of compensation, from volts and temperature, are computed h
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -107,16 +108,20 @@ def stage_two(first: Stage, rows: Rows, earth_rate_dps: float, orders: tuple[int
             "U0_v": float(standard[1]),
             "delay_s": float(standard[2]),
         },
-        dof=dict.fromkeys(("K0_v_per_dps", "U0_v", "delay_s"), dof),
+        dof=dict(zip(("K0_v_per_dps", "U0_v", "delay_s"), dof.tolist(), strict=False)),
         shares=_shares(_secant(slopes, rows, stage.delay_s), before, layout.parts),
         runs=rows.steps,
     )
 
 
 def _stage(
-    first: Stage, layout: _Layout, parameters: FloatArray, covariance: FloatArray | None = None, dof: int = 0
+    first: Stage,
+    layout: _Layout,
+    parameters: FloatArray,
+    covariance: FloatArray | None = None,
+    dof: FloatArray | None = None,
 ) -> Stage:
-    """Return the stage with these parameters."""
+    """Return the stage with these parameters; a polynomial has the fewest degrees of freedom of its coefficients."""
     parts = layout.parts
 
     def polynomial(name: str, basis: Sequence[str]) -> PolynomialFactor:
@@ -126,7 +131,7 @@ def _stage(
             basis=tuple(basis),
             coefficients=tuple(float(parameters[i]) for i in places),
             covariance=tuple(tuple(map(float, row)) for row in block),
-            dof=dof,
+            dof=math.inf if dof is None else float(dof[places or slice(None)].min()),
         )
 
     return Stage(

@@ -62,10 +62,20 @@ class AxesLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxesEstimate:
-    """Values and their standard uncertainties."""
+    """Values, their standard uncertainties, and the degrees of freedom of these."""
 
     value: AxesLaw
     standard: AxesLaw
+    dof: AxesLaw
+
+    @property
+    def expanded(self) -> AxesLaw:
+        """Expanded uncertainties, 95.45 %."""
+        factor = np.vectorize(coverage_factor, otypes=[np.float64])
+        return AxesLaw(
+            matrix=factor(self.dof.matrix) * self.standard.matrix,
+            bias_dps=factor(self.dof.bias_dps) * self.standard.bias_dps,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +85,13 @@ class AxisParameter:
     name: str
     value: float
     standard: float
+    dof: float
     unit: str
+
+    @property
+    def k(self) -> float:
+        """The coverage factor of the expanded uncertainty, 95.45 %."""
+        return coverage_factor(self.dof)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +99,7 @@ class ThreeAxesResult:
     """The law at T0 and its change per °C, None if the temperatures do not differ.
 
     `temperature_c` and `rate_dps` are the ranges that were measured, `positions` those of the unit, `steps` the number
-    of steps. `dof` are the degrees of freedom of every uncertainty.
+    of steps.
     """
 
     at_T0: AxesEstimate  # noqa: N815 - the field's own letters
@@ -93,23 +109,18 @@ class ThreeAxesResult:
     rate_dps: tuple[float, float]
     positions: tuple[str, ...]
     steps: int
-    dof: int
     latitude_deg: float | None
     warnings: tuple[str, ...]
-
-    @property
-    def k(self) -> float:
-        """The coverage factor of expanded uncertainties, 95.45 %."""
-        return coverage_factor(self.dof)
 
     def parameters(self) -> Iterator[AxisParameter]:
         """Yield every number of `AxesLaw.numbers`, then those per °C."""
         for estimate, suffix, per in ((self.at_T0, "", ""), (self.per_c, "_per_c", "/°C")):
             if estimate is None:
                 continue
-            both = zip(estimate.value.numbers(), estimate.standard.numbers(), strict=True)
-            for (name, value, unit), (_, standard, _) in both:
-                yield AxisParameter(name=f"{name}{suffix}", value=value, standard=standard, unit=f"{unit}{per}")
+            laws = (law.numbers() for law in (estimate.value, estimate.standard, estimate.dof))
+            for (name, value, unit), (_, standard, _), (_, dof, _) in zip(*laws, strict=True):
+                full, unit = f"{name}{suffix}", f"{unit}{per}"
+                yield AxisParameter(name=full, value=value, standard=standard, dof=dof, unit=unit)
 
 
 def turned_steps(recording: Recording) -> list[int]:
@@ -157,23 +168,21 @@ def fit_three_axes(steps: Iterable[Step], meta: Meta) -> ThreeAxesResult:
     positions = tuple(AXIS_POSITIONS[each] for each in there)
     _refuse_unknown(columns, positions)
     weight = np.sqrt(rows.count)[:, np.newaxis]
-    values, standards = np.empty((2, 3, 4 * len(terms)))
-    dof = 0
+    found = np.empty((3, 3, 4 * len(terms)))  # values, standard uncertainties and their degrees of freedom
     for output in range(3):
         own = columns if known else np.column_stack([columns, sign * (axis == output)])
         fit = fit_linear(own * weight, rows.output_dps[:, output] * weight[:, 0])
         covariance, dof = clustered_covariance(own * weight, fit.residual, rows.step)
-        values[output] = fit.coefficients[: values.shape[1]]
-        standards[output] = np.sqrt(np.diag(covariance))[: values.shape[1]]
+        numbers = (fit.coefficients, np.sqrt(np.diag(covariance)), dof)
+        found[:, output] = [of_all[: found.shape[2]] for of_all in numbers]
     return ThreeAxesResult(
-        at_T0=_estimate(values[:, :4], standards[:, :4]),
-        per_c=_estimate(values[:, 4:], standards[:, 4:]) if drifts else None,
+        at_T0=_estimate(found[..., :4]),
+        per_c=_estimate(found[..., 4:]) if drifts else None,
         T0_c=T0_c,
         temperature_c=(float(rows.celsius.min()), float(rows.celsius.max())),
         rate_dps=(float(rows.rate_dps.min()), float(rows.rate_dps.max())),
         positions=positions,
         steps=int(np.unique(rows.step).size),
-        dof=dof,
         latitude_deg=meta.bench.latitude_deg,
         warnings=() if known else (_NO_LATITUDE,),
     )
@@ -207,9 +216,9 @@ def three_axes_coefficients(result: ThreeAxesResult, *, unit: str, source: Seque
                     "value": one.value,
                     "unit": one.unit,
                     "standard": one.standard,
-                    "expanded": result.k * one.standard,
-                    "k": result.k,
-                    "dof": result.dof,
+                    "expanded": one.k * one.standard,
+                    "k": one.k,
+                    "dof": one.dof,
                 }
                 for one in result.parameters()
             },
@@ -222,9 +231,9 @@ def three_axes_coefficients(result: ThreeAxesResult, *, unit: str, source: Seque
     }
 
 
-def _estimate(values: FloatArray, standards: FloatArray) -> AxesEstimate:
-    value, standard = (AxesLaw(matrix=each[:, :3], bias_dps=each[:, 3]) for each in (values, standards))
-    return AxesEstimate(value=value, standard=standard)
+def _estimate(found: FloatArray) -> AxesEstimate:
+    value, standard, dof = (AxesLaw(matrix=each[:, :3], bias_dps=each[:, 3]) for each in found)
+    return AxesEstimate(value=value, standard=standard, dof=dof)
 
 
 def _refuse_unknown(columns: FloatArray, positions: tuple[str, ...]) -> None:

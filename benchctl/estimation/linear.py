@@ -32,10 +32,15 @@ def fit_linear(columns: FloatArray, values: FloatArray) -> LinearFit:
     return LinearFit(coefficients=coefficients, covariance=covariance, residual=residual, dof=freedom)
 
 
-def clustered_covariance(columns: FloatArray, residual: FloatArray, cluster: IntArray) -> tuple[FloatArray, int]:
-    """Return the covariance (p, p) of unweighted coefficients for residuals correlated within a cluster, and its dof.
+_LEAST_LEFT = 1e-8
+"""Share of a cluster's residuals below which the fit has taken them, and nothing can be corrected."""
 
-    A cluster is a step. Liang and Zeger, Biometrika 73 (1986) 13, with the usual correction for the number of clusters.
+
+def clustered_covariance(columns: FloatArray, residual: FloatArray, cluster: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return the covariance (p, p) of unweighted coefficients for residuals correlated within a cluster, and dof (p,).
+
+    A cluster is a step. The residuals of each are corrected for what the fit takes from them, and each coefficient has
+    the degrees of freedom of those clusters that determine it (Bell and McCaffrey, Survey Methodology 28 (2002) 169).
     With fewer than twice as many clusters as coefficients, the plain covariance times the number of blocks per cluster
     is used: an upper bound.
     """
@@ -46,9 +51,22 @@ def clustered_covariance(columns: FloatArray, residual: FloatArray, cluster: Int
     names = np.unique(cluster)
     if names.size < 2 * p:
         size = columns.shape[0] / names.size
-        covariance, dof = bread * float(residual @ residual) / max(residual.size - p, 1) * size, names.size
-    else:
-        scores = np.stack([scaled[cluster == name].T @ residual[cluster == name] for name in names])
-        covariance = bread @ (scores.T @ scores) @ bread * names.size / (names.size - p)
-        dof = names.size - p
-    return covariance / scale[:, None] / scale, dof
+        covariance = bread * float(residual @ residual) / max(residual.size - p, 1) * size
+        return covariance / scale[:, None] / scale, np.full(p, float(names.size))
+    scores, own = np.empty((2, names.size, p))
+    shared = np.empty((names.size, p, p))
+    for place, name in enumerate(names):
+        basis, triangle = np.linalg.qr(scaled[cluster == name])
+        taken, directions = np.linalg.eigh(triangle @ bread @ triangle.T)
+        left = 1.0 - taken
+        grown = np.where(left > _LEAST_LEFT, 1.0 / np.sqrt(np.maximum(left, _LEAST_LEFT)), 0.0)
+        corrected = (directions * grown) @ directions.T @ triangle
+        scores[place] = corrected.T @ (basis.T @ residual[cluster == name])
+        own[place] = np.sum((corrected @ bread) ** 2, axis=0)
+        shared[place] = triangle.T @ corrected @ bread
+    covariance = bread @ (scores.T @ scores) @ bread
+    # The squared contributions of the clusters under white noise: their expected products, for each coefficient.
+    products = -np.einsum("sil,ij,tjl->lst", shared, bread, shared, optimize=True)
+    products[:, range(names.size), range(names.size)] += own.T
+    dof = np.trace(products, axis1=1, axis2=2) ** 2 / np.maximum(np.sum(products**2, axis=(1, 2)), 1e-300)
+    return covariance / scale[:, None] / scale, np.maximum(dof, 1.0)

@@ -23,13 +23,13 @@ class AxesTable:
 
 def axes_tables(result: ThreeAxesResult) -> Iterator[AxesTable]:
     """Yield the table at T0 and, if the temperatures differ, that of the changes per °C."""
-    yield _table(f"three axes at {text.plain(result.T0_c, '°C')}", "deg/s", result.at_T0, result.k)
+    yield _table(f"three axes at {text.plain(result.T0_c, '°C')}", "deg/s", result.at_T0)
     if result.per_c is not None:
-        yield _table("change per °C", "deg/s/°C", result.per_c, result.k)
+        yield _table("change per °C", "deg/s/°C", result.per_c)
 
 
-def _table(title: str, bias_unit: str, estimate: AxesEstimate, k: float) -> AxesTable:
-    value, standard = estimate.value, estimate.standard
+def _table(title: str, bias_unit: str, estimate: AxesEstimate) -> AxesTable:
+    value, expanded = estimate.value, estimate.expanded
     return AxesTable(
         title=title,
         columns=(*(f"about {axis}" for axis in AXES), f"bias, {bias_unit}"),
@@ -37,10 +37,10 @@ def _table(title: str, bias_unit: str, estimate: AxesEstimate, k: float) -> Axes
             (
                 axis,
                 *(
-                    text.with_uncertainty(float(number), k * float(of_it))
-                    for number, of_it in zip(value.matrix[row], standard.matrix[row], strict=True)
+                    text.with_uncertainty(float(number), float(of_it))
+                    for number, of_it in zip(value.matrix[row], expanded.matrix[row], strict=True)
                 ),
-                text.with_uncertainty(float(value.bias_dps[row]), k * float(standard.bias_dps[row])),
+                text.with_uncertainty(float(value.bias_dps[row]), float(expanded.bias_dps[row])),
             )
             for row, axis in enumerate(AXES)
         ),

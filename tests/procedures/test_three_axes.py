@@ -29,7 +29,7 @@ from tests.benchctl.recordings.made import info
 
 UNIT = ThreeAxisParameters()
 PLAN = three_axes.expand(
-    {"soak_s": "60", "rates": "3", "run_s": "2", "zero_s": "2", "rate_dps": "180", "opposite": "false"}
+    {"soak_s": "60", "rates": "6", "run_s": "2", "zero_s": "2", "rate_dps": "180", "opposite": "false"}
 )
 
 
@@ -77,7 +77,7 @@ def test_every_step_says_how_the_unit_was_turned_and_has_the_rates_of_all_axes(p
     assert (played.status, played.error, verify(played.recording)) == ("complete", None, [])
     with open_recording(played.recording) as recording:
         turned = [info for info in recording.infos if info.kind in ("static", "constant_rate")]
-        assert [info.mounting for info in turned] == ["x up"] * 8 + ["y up"] * 8 + ["z up"] * 8
+        assert [info.mounting for info in turned] == ["x up"] * 14 + ["y up"] * 14 + ["z up"] * 14
         for info in turned:
             step = recording.step(info.index, AXIS_CHANNELS)
             rates = np.array([step[name].mean() for name in AXIS_CHANNELS])
@@ -99,10 +99,10 @@ def test_the_fit_finds_the_units_matrix_and_biases(played: Outcome, tmp_path: Pa
     bias = np.array(UNIT.bias_dps) + warmer_c * np.array(UNIT.bias_dps_per_c)
     for i, output in enumerate("xyz"):
         one = stated[f"bias_{output}_dps"]
-        assert abs(one["value"] - bias[i]) < 2.0 * one["expanded"] < 0.01
+        assert abs(one["value"] - bias[i]) < 3.0 * one["expanded"] < 0.01
         for j, about in enumerate("xyz"):
             one = stated[f"matrix_{output}{about}"]
-            assert abs(one["value"] - matrix[i, j]) < 2.0 * one["expanded"] < 5e-4
+            assert abs(one["value"] - matrix[i, j]) < 3.0 * one["expanded"] < 5e-4
     assert fitted.warnings == ()
     assert (tmp_path / "report.html").read_text().count("<caption>three axes at") == 1
     assert [line.split()[0] for line in str(fitted).splitlines()] == ["three", "output", "x", "y", "z"]

@@ -176,7 +176,7 @@ def test_the_file_states_every_number_and_is_not_taken_for_that_of_one_axis(tmp_
     content = read_coefficients(path)
     parameters = content["uncertainty"]["parameters"]
     assert content["matrix"][0][1] == parameters["matrix_xy"]["value"]
-    assert parameters["bias_z_dps"]["expanded"] == pytest.approx(result.k * result.at_T0.standard.bias_dps[2])
+    assert parameters["bias_z_dps"]["expanded"] == pytest.approx(result.at_T0.expanded.bias_dps[2])
     assert "matrix_per_c" not in content
     figures = {one.name: one.value for one in read_document(path, "coefficients").figures}  # of the unit's history
     assert figures == {one.name: one.value for one in result.parameters()}

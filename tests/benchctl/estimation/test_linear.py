@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.estimation.linear import clustered_covariance, fit_linear
 
 # NIST StRD, Pontius (quadratic, lower difficulty): load cell calibration, 40 points.
@@ -41,6 +42,20 @@ def test_clusters_that_hang_together_widen_the_covariance_as_they_should() -> No
         stated.append(clustered_covariance(columns, fit.residual, cluster)[0][1, 1])
     assert np.sqrt(np.mean(stated)) == pytest.approx(np.std(found), rel=0.12)
     assert np.sqrt(np.mean(stated)) > 3 * np.sqrt(fit.covariance[1, 1])
+
+
+def test_intervals_hold_where_few_clusters_determine_a_coefficient() -> None:
+    rng = np.random.default_rng(3)
+    cluster = np.repeat(np.arange(12), 10)
+    x = np.array([3.0, -3.0, *np.zeros(10)])[cluster]  # two of the twelve determine the slope
+    columns = np.stack([np.ones(x.size), x], axis=1)
+    inside = 0
+    for _ in range(1000):
+        fit = fit_linear(columns, rng.standard_normal(12)[cluster] + 0.1 * rng.standard_normal(x.size))
+        covariance, dof = clustered_covariance(columns, fit.residual, cluster)
+        assert 1.0 <= dof[1] < 2.5 < 8.0 < dof[0] <= 11.0
+        inside += abs(fit.coefficients[1]) < coverage_factor(dof[1]) * np.sqrt(covariance[1, 1])
+    assert 0.93 < inside / 1000 < 0.98  # 0.954; with the degrees of freedom of all clusters, uncorrected, 0.63
 
 
 def test_few_clusters_get_an_upper_bound() -> None:
