@@ -31,6 +31,8 @@ from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffec
 
 _ROUNDS = 5
 _ARCSEC, _DIGITS = 3600.0, 7
+_SECTOR_DEG = 10.0
+"""Where a motion passes all sectors of this size, the rounding of the angle averages out over the turn."""
 _ROUNDED = 0.1
 """Share of the rounding's variance that may remain in lines, if the motion sweeps the steps alike each time."""
 NOTHING = Unexplained(significant=False, share=0.0)
@@ -90,30 +92,33 @@ def _too_small(problem: PartProblem, chosen: Selection, rest: ResidualStructure,
 
     The power it explains in the rows is compared with the lack of fit (an F-test), because the logarithm of a
     likelihood is small if much is left. The gain in quantities compared in addition to the rows counts in full, as the
-    residual does not contain them. A finding on which several recordings agree (`agreed`) is kept. An encoder error
-    smaller than one encoder step is rounding that repeats with the motion.
+    residual does not contain them. The errors of other findings, which are not chance, the search has compared with
+    the gain itself. A finding on which several recordings agree (`agreed`) is kept. An encoder error smaller than one
+    encoder step is rounding that repeats with a motion of less than a turn.
     """
     gains: dict[str, float] = {}
+    chance = chosen.screening.threshold
     for key, effect in zip(chosen.evidence, chosen.after.point.effects, strict=True):
         if isinstance(effect, EncoderEffect) and _is_rounding(problem, effect):
             return (key,)
         ratio = lack_of_fit(rest, effect.coordinate)
-        if key not in agreed and of_the_motion(effect.coordinate) and chosen.evidence[key].gain < ratio * chosen.least:
+        if key not in agreed and of_the_motion(effect.coordinate) and chosen.evidence[key].gain < ratio * chance:
             gain, less = chosen.evidence[key].gain, without(problem, chosen, key)
             rows = chosen.after.fitted[problem.step]
             gains[key] = max(gain - _in_rows(problem, chosen.after, less), 0.0)
             gains[key] += _by_power(rest, chosen.after, _squares(less, rows) - _squares(chosen.after, rows)) / ratio
-    return tuple(key for key, gain in gains.items() if gain == min(gains.values()) and gain < chosen.least)
+    return tuple(key for key, gain in gains.items() if gain == min(gains.values()) and gain < chance)
 
 
 def _is_rounding(problem: PartProblem, effect: EncoderEffect) -> bool:
-    steps = (
-        np.diff(np.unique(problem.frame.encoder_deg.round(_DIGITS)))
-        if isinstance(problem, GyroProblem)
-        else np.zeros(0)
-    )
+    if not isinstance(problem, GyroProblem):
+        return False
+    angles_deg = np.unique(np.mod(problem.frame.encoder_deg, 360.0).round(_DIGITS))
+    steps_deg = np.diff(angles_deg)
+    if steps_deg.size == 0 or np.unique(angles_deg // _SECTOR_DEG).size * _SECTOR_DEG >= 360.0:
+        return False
     size = max(abs(effect.values[name]) for name, one in effect.parameters.items() if one.role == "size")
-    return steps.size > 0 and size < _ARCSEC * float(np.median(steps))
+    return size < _ARCSEC * float(np.median(steps_deg))
 
 
 def _as_uncertain(chosen: Selection, rest: ResidualStructure) -> Selection:

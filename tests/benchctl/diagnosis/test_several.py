@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from benchctl.diagnosis.next_run import left_open
 from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair
 from benchctl.diagnosis.next_run.left_open import next_of
 from benchctl.diagnosis.residual.attribution import named
-from benchctl.diagnosis.result import Alternative, NextExperiment, Unexplained
+from benchctl.diagnosis.result import Alternative, Diagnosis, NextExperiment, Unexplained
 from benchctl.diagnosis.search.select import reduced, select, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.estimation.fit import Fit, Point, fit, gain_of
@@ -199,18 +200,34 @@ LAB = {
 }
 
 
-@pytest.mark.slow
-def test_the_simulated_bench_s_encoder_is_found_with_both_its_orders(tmp_path: Path) -> None:
+def diagnosed(folder: Path, **effects: Mapping[str, float]) -> Diagnosis:
     """The errors are those that the bench has by itself; only what is sampled is less coarse than by default."""
     bench = template().replace("sample_rate_hz = 500.0", "sample_rate_hz = 125.0").replace("360000", "3600000")
-    (tmp_path / "bench.toml").write_text(bench, encoding="utf-8")
-    (tmp_path / "spin.py").write_text(SPIN, encoding="utf-8")
-    write_model(tmp_path / "model.toml", Model(simulation=LAB))
+    (folder / "bench.toml").write_text(bench, encoding="utf-8")
+    (folder / "spin.py").write_text(SPIN, encoding="utf-8")
+    write_model(folder / "model.toml", Model(simulation=LAB, effects=effects))
     options = {"-o": "run.h5", "--bench": "bench.toml", "--model": "model.toml"}
-    arguments = [word for option, file in options.items() for word in (option, str(tmp_path / file))]
-    assert run_verb(["simulate", str(tmp_path / "spin.py"), *arguments, "--quiet"]) == 0
-    with open_recording(tmp_path / "run.h5") as recording:
-        told = diagnose(recording)
+    arguments = [word for option, file in options.items() for word in (option, str(folder / file))]
+    assert run_verb(["simulate", str(folder / "spin.py"), *arguments, "--quiet"]) == 0
+    with open_recording(folder / "run.h5") as recording:
+        return diagnose(recording, model=LAB)
+
+
+@pytest.mark.slow
+def test_an_eccentricity_is_kept_beside_a_structure_though_the_recorded_angles_are_farther_apart(
+    tmp_path: Path,
+) -> None:
+    told = diagnosed(tmp_path, kink_of_bias_over_rate={"at": 40.0, "above": 2e-5})
+    (found,) = told.findings  # of the two orders; the second is stated as a wave over the angle
+    assert (found.effect, found.parameters["order"].value) == ("encoder_eccentricity", 1.0)
+    assert found.parameters["amplitude_arcsec"].value == pytest.approx(15.0, rel=0.1)
+    kink = next(one for one in told.unexplained.models if one.identifier == "kink_of_bias_over_rate")
+    assert kink.parameters["at"].value == pytest.approx(40.0, rel=0.02)
+
+
+@pytest.mark.slow
+def test_the_simulated_bench_s_encoder_is_found_with_both_its_orders(tmp_path: Path) -> None:
+    told = diagnosed(tmp_path)
     assert [one.effect for one in told.findings] == ["encoder_eccentricity"] * 2
     assert not told.unexplained.significant
     encoder = world_settings(load_bench(str(tmp_path / "bench.toml"))).encoder
