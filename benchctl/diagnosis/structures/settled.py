@@ -180,7 +180,8 @@ def _wanders(problem: GyroProblem, without: Selection, gain: float) -> bool:
 
     A function of time, or of the temperature and its rate, is explained better by a piecewise linear function than by
     a process, which predicts a row only from earlier rows. A function of the temperature is explained better by pieces
-    over temperature than by equally many over time. A wandering signal is explained best by the process.
+    over temperature than by equally many over time, be they few or many. A wandering signal is explained best by the
+    process, and by many pieces over time better than over temperature, of few pieces sometimes by these.
     """
     fitted, weight = without.after, without.whitener.weight
     left = ScoreTest(fitted.white, fitted.derivatives, fitted.fitted[problem.step] & (weight > 0.0))
@@ -192,7 +193,7 @@ def _wanders(problem: GyroProblem, without: Selection, gain: float) -> bool:
 
     by_temperature = {pieces: evidence(("gyro_temp", "gyro_temp_rate"), pieces) for pieces in _PIECES}
     by_time = {pieces: evidence(("time",), 2 * pieces) for pieces in _PIECES}
-    if by_temperature[_PIECES[0]] > by_time[_PIECES[0]]:
+    if all(by_temperature[pieces] > by_time[pieces] for pieces in _PIECES):
         return False
     return max(*by_temperature.values(), *by_time.values()) < gain
 
