@@ -180,8 +180,8 @@ def _wanders(problem: GyroProblem, without: Selection, gain: float) -> bool:
 
     A function of time, or of the temperature and its rate, is explained better by a piecewise linear function than by
     a process, which predicts a row only from earlier rows. A function of the temperature is explained better by pieces
-    over temperature than by equally many over time, be they few or many. A wandering signal is explained best by the
-    process, and by many pieces over time better than over temperature, of few pieces sometimes by these.
+    over temperature than by equally many over time. A wandering signal is explained best by the process; few pieces may
+    by chance follow it better over temperature than over time, many do not.
     """
     fitted, weight = without.after, without.whitener.weight
     left = ScoreTest(fitted.white, fitted.derivatives, fitted.fitted[problem.step] & (weight > 0.0))
