@@ -43,7 +43,8 @@ class Frame:
     recording. `temp_c` is the gyro's thermistor, smoothed; `thermistor` names the channel used, if the gyro has none.
     `pauses` are the thermistor readings before a stretch, if known. `filled` rows were not measured; `left_out` is the
     number of rows omitted from a very long recording. If the motion goes `beyond` the band of the filters, the wide
-    filter was used for all of it. The motion of a noisy encoder is low-passed beyond `known_hz`.
+    filter was used for all of it. The motion of a noisy encoder is low-passed beyond `known_hz`; `noisy_within` if
+    its noise counts below that frequency, too.
     """
 
     infos: tuple[StepInfo, ...]
@@ -69,6 +70,7 @@ class Frame:
     beyond: bool = False
     left_out: int = 0
     known_hz: float | None = None
+    noisy_within: bool = False
 
     @property
     def reach(self) -> int:
@@ -169,6 +171,7 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
         beyond=beyond,
         left_out=taken.left_out,
         known_hz=None,
+        noisy_within=False,
     )
 
 

@@ -116,8 +116,12 @@ def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> I
     if frame.known_hz is not None:
         yield (
             f"The encoder's rate is noisy: beyond {frame.known_hz:.3g} Hz it has little in common with the gyro. Faster"
-            " motion is left out of the model, and a wandering bias is not looked for, because what remains of that"
-            " noise is as slow."
+            " motion is left out of the model"
+            + (
+                ", and a wandering bias is not looked for, because what remains of that noise is as slow."
+                if frame.noisy_within
+                else "."
+            )
         )
     if band is not None:
         yield (

@@ -45,9 +45,10 @@ _MOST_LOST = 0.5
 
 def without_noise(frame: Frame) -> Frame:
     """Return the frame with its motion low-passed to the band that the gyro confirms; itself if the noise is small."""
-    known_hz = None if frame.beyond else _known_hz(frame)
-    if known_hz is None:
+    noisy = None if frame.beyond else _noisy(frame)
+    if noisy is None:
         return frame
+    known_hz, within = noisy
     taps, beta = kaiserord(_ATTENUATION_DB, (_OCTAVE - 1.0) * known_hz * 2.0 * frame.interval_s)
     middle_hz = 0.5 * (1.0 + _OCTAVE) * known_hz
     kernel = np.asarray(firwin(taps | 1, middle_hz, window=("kaiser", beta), fs=1.0 / frame.interval_s))
@@ -60,16 +61,20 @@ def without_noise(frame: Frame) -> Frame:
         replace(motion, filters=(narrow, wide), **{name: values[part] for name, values in smooth.items()})
         for motion, part in zip(frame.motions, frame.stretches, strict=True)
     )
-    return replace(frame, motions=motions, known_hz=known_hz, **smooth)
+    return replace(frame, motions=motions, known_hz=known_hz, noisy_within=within, **smooth)
 
 
-def _known_hz(frame: Frame) -> float | None:
-    """Return the highest frequency at which reference and output are coherent; None if the reference is not noisy.
+def _noisy(frame: Frame) -> tuple[float, bool] | None:
+    """Return the band of the motion, and whether the reference's noise counts within it; None if it is not noisy.
 
-    It is noisy if its power times the squared gain, at frequencies where it should have none, is a noticeable share of
-    the output's. Compared are derivatives, in which strong slow motion does not hide weak noise. What counts is the
-    share at the edge of the motion: it is extrapolated from the two octaves beyond twice this frequency, since white
-    noise of an encoder's angle, of which the share grows with the squared frequency, does no harm there.
+    The band ends at the highest frequency at which reference and output are coherent; at the lowest of the windows if
+    there is none, as within steps of constant rates.
+
+    The reference is noisy if its power times the squared gain, at frequencies where it should have none, is a
+    noticeable share of the output's. Compared are derivatives, in which strong slow motion does not hide weak noise.
+    What counts is the share at the edge of the motion: it is extrapolated from the two octaves beyond twice this
+    frequency, since white noise of an encoder's angle, of which the share grows with the squared frequency, does no
+    harm there. Within steps of constant rates no motion argues against a low-pass: the noise beyond the band counts.
     """
     sample_rate_hz = 1.0 / frame.interval_s
     longest = max(part.stop - part.start for part in frame.stretches)
@@ -93,11 +98,14 @@ def _known_hz(frame: Frame) -> float | None:
     shared = np.sum(reference.conj() * measured, axis=0)
     pooled = _pooled(shared.real) ** 2 + _pooled(shared.imag) ** 2
     coherent = pooled > _COHERENT * _pooled(of_reference) * _pooled(of_output)
-    if not coherent.any():
-        return None
-    known_hz = float(frequency[coherent].max())
+    moved = bool(coherent.any())
+    known_hz = float(frequency[coherent].max() if moved else frequency[0])
     stop_hz = _OCTAVE * known_hz
-    gain = float(np.abs(shared[coherent]).sum() / of_reference[coherent].sum())
+    if moved:
+        gain = float(np.abs(shared[coherent]).sum() / of_reference[coherent].sum())
+    else:
+        rate_dps = frame.rate_dps[usable] - frame.rate_dps[usable].mean()
+        gain = abs(float(rate_dps @ frame.volts[usable])) / max(float(rate_dps @ rate_dps), 1e-300)
 
     def share(from_hz: float, to_hz: float) -> float:
         beyond = (frequency > from_hz) & (frequency <= to_hz)
@@ -107,7 +115,8 @@ def _known_hz(frame: Frame) -> float | None:
     near = share(stop_hz, min(_OCTAVE * stop_hz, passing_hz))
     far = share(_OCTAVE * stop_hz, _OCTAVE**2 * stop_hz)
     at_motion = near * min(near / far, 1.0) ** _OCTAVES_DOWN if far > 0.0 else near
-    return known_hz if at_motion > _NOTICEABLE else None
+    within = at_motion > _NOTICEABLE
+    return (known_hz, within) if within or (not moved and share(stop_hz, passing_hz) > _NOTICEABLE) else None
 
 
 def _pooled(values: FloatArray) -> FloatArray:

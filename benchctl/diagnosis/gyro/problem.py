@@ -83,9 +83,9 @@ class GyroProblem(GyroBaseline):
     def noises(self) -> frozenset[str]:
         """Random walk of the bias, flicker, and noise that grows with the rate.
 
-        Noise of the reference within the band of its motion is slow as the first two are.
+        Noise of the reference within the band of its motion is as slow as the first two.
         """
-        slow = set(PROCESSES) if self.frame.known_hz is None else set()
+        slow = set() if self.frame.noisy_within else set(PROCESSES)
         return frozenset({*slow, "noise_rate_dependent"} - self.without)
 
     @cached_property

@@ -173,7 +173,8 @@ def test_a_motor_s_teeth_and_a_load_out_of_balance_are_both_found() -> None:
     check_parts({"drive": {"effects": tables}})
 
 
-SPIN = '''"""Spin."""
+RATES = "90.0, 60.0, 120.0, 30.0, 100.0, 80.0"
+SPIN = f'''"""Spin."""
 
 from collections.abc import Iterator
 
@@ -184,7 +185,7 @@ from benchctl.plan import ConstantRate, Static, Step, procedure
 def spin() -> Iterator[Step]:
     """Whole turns both ways."""
     yield Static(duration_s=10.0)
-    for rate in (90.0, 60.0, 120.0, 30.0, 100.0, 80.0):
+    for rate in ({RATES}):
         yield ConstantRate(rate_dps=rate, duration_s=12.0, settle_s=1.0)
         yield ConstantRate(rate_dps=-rate, duration_s=12.0, settle_s=1.0)
     yield Static(duration_s=10.0)
@@ -200,11 +201,11 @@ LAB = {
 }
 
 
-def diagnosed(folder: Path, **effects: Mapping[str, float]) -> Diagnosis:
-    """The errors are those that the bench has by itself; only what is sampled is less coarse than by default."""
-    bench = template().replace("sample_rate_hz = 500.0", "sample_rate_hz = 125.0").replace("360000", "3600000")
+def diagnosed(folder: Path, *, rates: str = RATES, counts: int = 360_000, **effects: Mapping[str, float]) -> Diagnosis:
+    """The errors are those that the bench has by itself; sampled is at a quarter of its rate."""
+    bench = template().replace("sample_rate_hz = 500.0", "sample_rate_hz = 125.0").replace("360000", f"{counts}")
     (folder / "bench.toml").write_text(bench, encoding="utf-8")
-    (folder / "spin.py").write_text(SPIN, encoding="utf-8")
+    (folder / "spin.py").write_text(SPIN.replace(RATES, rates), encoding="utf-8")
     write_model(folder / "model.toml", Model(simulation=LAB, effects=effects))
     options = {"-o": "run.h5", "--bench": "bench.toml", "--model": "model.toml"}
     arguments = [word for option, file in options.items() for word in (option, str(folder / file))]
@@ -214,15 +215,25 @@ def diagnosed(folder: Path, **effects: Mapping[str, float]) -> Diagnosis:
 
 
 @pytest.mark.slow
-def test_an_eccentricity_is_kept_beside_a_structure_though_the_recorded_angles_are_farther_apart(
+def test_both_orders_are_found_beside_a_structure_over_the_rate_though_the_encoder_is_coarser_than_the_second(
     tmp_path: Path,
 ) -> None:
     told = diagnosed(tmp_path, kink_of_bias_over_rate={"at": 40.0, "above": 2e-5})
-    (found,) = told.findings  # of the two orders; the second is stated as a wave over the angle
-    assert (found.effect, found.parameters["order"].value) == ("encoder_eccentricity", 1.0)
-    assert found.parameters["amplitude_arcsec"].value == pytest.approx(15.0, rel=0.1)
-    kink = next(one for one in told.unexplained.models if one.identifier == "kink_of_bias_over_rate")
+    assert [(one.effect, one.parameters["order"].value) for one in told.findings] == [
+        ("encoder_eccentricity", 1.0),
+        ("encoder_eccentricity", 2.0),
+    ]
+    assert [one.parameters["amplitude_arcsec"].value for one in told.findings] == pytest.approx([15.0, 5.0], rel=0.1)
+    (kink,) = told.unexplained.models
+    assert kink.identifier == "kink_of_bias_over_rate"
     assert kink.parameters["at"].value == pytest.approx(40.0, rel=0.02)
+
+
+@pytest.mark.slow
+def test_steps_of_constant_rates_beside_a_coarse_encoder_have_no_bandwidth(tmp_path: Path) -> None:
+    told = diagnosed(tmp_path, rates="91.37, 61.13, 117.71, 31.87, 103.19, 78.83", counts=36_000)
+    assert {one.effect for one in told.findings} == {"encoder_eccentricity"}
+    assert any("encoder's rate is noisy" in note for note in told.notes)
 
 
 @pytest.mark.slow
