@@ -56,12 +56,13 @@ def clustered_covariance(columns: FloatArray, residual: FloatArray, cluster: Int
     scores, own = np.empty((2, names.size, p))
     shared = np.empty((names.size, p, p))
     for place, name in enumerate(names):
-        basis, triangle = np.linalg.qr(scaled[cluster == name])
+        inside = cluster == name
+        basis, triangle = np.linalg.qr(scaled[inside])
         taken, directions = np.linalg.eigh(triangle @ bread @ triangle.T)
         left = 1.0 - taken
         grown = np.where(left > _LEAST_LEFT, 1.0 / np.sqrt(np.maximum(left, _LEAST_LEFT)), 0.0)
         corrected = (directions * grown) @ directions.T @ triangle
-        scores[place] = corrected.T @ (basis.T @ residual[cluster == name])
+        scores[place] = corrected.T @ (basis.T @ residual[inside])
         own[place] = np.sum((corrected @ bread) ** 2, axis=0)
         shared[place] = triangle.T @ corrected @ bread
     covariance = bread @ (scores.T @ scores) @ bread

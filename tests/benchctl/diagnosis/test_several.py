@@ -202,7 +202,7 @@ LAB = {
 
 
 def diagnosed(folder: Path, *, rates: str = RATES, counts: int = 360_000, **effects: Mapping[str, float]) -> Diagnosis:
-    """The errors are those that the bench has by itself; sampled is at a quarter of its rate."""
+    """The encoder's errors are the simulated bench's own; the bench samples at a quarter of its usual rate."""
     bench = template().replace("sample_rate_hz = 500.0", "sample_rate_hz = 125.0").replace("360000", f"{counts}")
     (folder / "bench.toml").write_text(bench, encoding="utf-8")
     (folder / "spin.py").write_text(SPIN.replace(RATES, rates), encoding="utf-8")
