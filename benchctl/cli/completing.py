@@ -24,7 +24,7 @@ from benchctl_instruments.errors import UsageError
 
 if TYPE_CHECKING:
     from benchctl.cli.candidates import Candidate
-    from benchctl.cli.command import VerbCommand
+    from benchctl.cli.command import VerbCommand, VerbGroup
 
 _OPTIONS = {
     "--help": "what the verbs are",
@@ -57,12 +57,15 @@ def candidates(before: Sequence[str], word: str) -> list[Candidate]:
         return _beginning(((shell, "") for shell in SHELLS), word)
     if verb not in VERBS:
         return []
-    from benchctl.cli.command import command_of
+    from benchctl.cli.command import VerbGroup, named_command
 
-    return _of_verb(command_of(verb), given, word)
+    command, given = named_command(verb, given)
+    if isinstance(command, VerbGroup) and not (given or word.startswith("-")):
+        return _beginning(((name, one.get_short_help_str()) for name, one in command.commands.items()), word)
+    return _of_verb(command, given, word)
 
 
-def _of_verb(command: VerbCommand, given: Sequence[str], word: str) -> list[Candidate]:
+def _of_verb(command: VerbCommand | VerbGroup, given: Sequence[str], word: str) -> list[Candidate]:
     import typer
 
     context = typer.Context(command, help_option_names=["-h", "--help"])
@@ -96,7 +99,7 @@ def _of_value(param: Any, context: Any, word: str) -> list[Candidate]:
     return [(item.value, item.help or "") for item in param.shell_complete(context, word)]
 
 
-def _options(command: VerbCommand, context: Any) -> dict[str, Any]:
+def _options(command: VerbCommand | VerbGroup, context: Any) -> dict[str, Any]:
     params = command.get_params(context)
     named = ((name, param) for param in params for name in (*param.opts, *param.secondary_opts))
     return {name: param for name, param in named if name.startswith("-")}

@@ -15,6 +15,7 @@ from benchctl.cli.messages import tell
 from benchctl.cli.output import JsonOption, QuietOption, Result, out_option, result_of, toml_option
 
 if TYPE_CHECKING:
+    from benchctl.diagnosis.result import Part
     from benchctl.fleet.job import Job, JobOutcome, Options
     from benchctl.reports.fleet_facts import Fleet
     from benchctl.reports.fleet_stated import FleetVerb
@@ -22,56 +23,31 @@ if TYPE_CHECKING:
 _STOPPED = 130
 
 
-def fleet(
-    verb: Annotated[
-        Literal["fit", "diagnose", "accept"],
-        typer.Argument(metavar="VERB", help="What to do with each recording: fit, diagnose or accept."),
-    ],
-    globs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="GLOB",
-            autocompletion=recordings,
-            help="Paths of recordings, patterns in quotes such as 'results/**', or URLs such as s3://lab/SN-*.h5.",
-        ),
-    ],
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", metavar="ADDRESS", help="A Dask scheduler's, tcp://host:8786; default: this machine's cores."
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", metavar="N", min=1, help="Processes on this machine; default: its cores.")
-    ] = None,
-    out: Annotated[
-        str | None, out_option("Folder or URL of all results; default: the folder of each recording.")
-    ] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option("--report", metavar="DIR", help="For fleet.html and fleet.json; default: --out, or here."),
-    ] = None,
-    limits: Annotated[Path | None, toml_option("--limits", "accept: the limits, as TOML.")] = None,
-    lang: LanguageOption = "en",
-    model: Annotated[
-        Path | None, toml_option("--model", "diagnose: the lab's model of the part; default: each recording's own.")
-    ] = None,
-    part: Annotated[
-        Literal["gyro", "drive", "chamber"] | None,
-        typer.Option(help="diagnose: the part of the bench; default: that of each recording."),
-    ] = None,
-    seed: Annotated[
-        int,
-        typer.Option(
-            "--seed", metavar="N", min=0, help="diagnose: seed of the simulated recordings without missing physics."
-        ),
-    ] = 0,
-    again: Annotated[
-        bool, typer.Option("--again", help="Also process what is done already and has not changed.")
-    ] = False,
-    json_to: JsonOption = None,
-    quiet: QuietOption = False,
-) -> None:
+_GlobsArgument = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="GLOB",
+        autocompletion=recordings,
+        help="Paths of recordings, patterns in quotes such as 'results/**', or URLs such as s3://lab/SN-*.h5.",
+    ),
+]
+_SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler", metavar="ADDRESS", help="A Dask scheduler's, tcp://host:8786; default: this machine's cores."
+    ),
+]
+_WorkersOption = Annotated[
+    int | None, typer.Option("--workers", metavar="N", min=1, help="Processes on this machine; default: its cores.")
+]
+_OutOption = Annotated[str | None, out_option("Folder or URL of all results; default: the folder of each recording.")]
+_ReportOption = Annotated[
+    Path | None, typer.Option("--report", metavar="DIR", help="For fleet.html and fleet.json; default: --out, or here.")
+]
+_AgainOption = Annotated[bool, typer.Option("--again", help="Also process what is done already and has not changed.")]
+
+
+def fleet() -> None:
     """Fit, diagnose or accept many recordings, on a Dask cluster or on this machine's cores, and compare the units.
 
     Results are written where the single verb writes them: into the campaign's folder, or for any other recording into
@@ -85,6 +61,90 @@ def fleet(
     Example: `benchctl fleet fit 'results/**'`,
     `benchctl fleet accept results/* --limits lab/limits.toml --scheduler tcp://lab-server:8786`
     """
+
+
+def fit(
+    globs: _GlobsArgument,
+    scheduler: _SchedulerOption = None,
+    workers: _WorkersOption = None,
+    out: _OutOption = None,
+    report: _ReportOption = None,
+    again: _AgainOption = False,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Fit the calibration of many recordings, and compare the units.
+
+    Example: `benchctl fleet fit 'results/**'`
+    """
+    with result_of("fleet", json_to, quiet) as result:
+        _run(result, "fit", globs, _options(), scheduler, workers, out, report, again)
+
+
+def diagnose(
+    globs: _GlobsArgument,
+    model: Annotated[
+        Path | None, toml_option("--model", "The lab's model of the part; default: each recording's own.")
+    ] = None,
+    part: Annotated[
+        Literal["gyro", "drive", "chamber"] | None,
+        typer.Option(help="The part of the bench; default: that of each recording."),
+    ] = None,
+    seed: Annotated[
+        int,
+        typer.Option("--seed", metavar="N", min=0, help="Seed of the simulated recordings without missing physics."),
+    ] = 0,
+    scheduler: _SchedulerOption = None,
+    workers: _WorkersOption = None,
+    out: _OutOption = None,
+    report: _ReportOption = None,
+    again: _AgainOption = False,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Diagnose many recordings, and list the physics that recurs.
+
+    Example: `benchctl fleet diagnose 'results/**' --workers 2`
+    """
+    with result_of("fleet", json_to, quiet) as result:
+        options = _options(model=model, part=part, seed=seed)
+        _run(result, "diagnose", globs, options, scheduler, workers, out, report, again)
+
+
+def accept(
+    globs: _GlobsArgument,
+    limits: Annotated[Path, toml_option("--limits", "The limits, as TOML; `benchctl init` writes an example.")],
+    lang: LanguageOption = "en",
+    scheduler: _SchedulerOption = None,
+    workers: _WorkersOption = None,
+    out: _OutOption = None,
+    report: _ReportOption = None,
+    again: _AgainOption = False,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Judge the tests of many gyros by limits, and list those that do not pass.
+
+    Example: `benchctl fleet accept results/* --limits lab/limits.toml --scheduler tcp://lab-server:8786`
+    """
+    with result_of("fleet", json_to, quiet) as result:
+        _run(result, "accept", globs, _options(limits, lang), scheduler, workers, out, report, again)
+
+
+COMMANDS = (fit, diagnose, accept)
+
+
+def _run(
+    result: Result,
+    verb: FleetVerb,
+    globs: list[str],
+    options: Options,
+    scheduler: str | None,
+    workers: int | None,
+    out: str | None,
+    report: Path | None,
+    again: bool,
+) -> None:
     from benchctl.campaign.stop import stop_on_signals
     from benchctl.fleet.cluster import Settings, run_fleet
     from benchctl.fleet.located import located
@@ -96,57 +156,38 @@ def fleet(
     def say(text: str) -> None:
         tell(f"benchctl: {text}", err=True)
 
-    with result_of("fleet", json_to, quiet) as result:
-        options = _options(verb, limits, lang, model, part, seed)
-        if scheduler is not None and workers is not None:
-            raise UsageError("--workers: is for this machine; the workers at --scheduler are started there")
-        place = _folder(out)
-        folder = report or (Path(place) if place and "://" not in place else Path())
-        make_folder(folder)  # before any work
-        found, others = located(globs)
-        if others:
-            result.say(f"no recordings, left out: {_some(others)}")
-        settings = Settings(scheduler=scheduler, workers=workers, out=place, again=again)
-        with stop_on_signals() as stop, _progress(verb, len(found), quiet) as on_outcome:
-            ended = run_fleet(verb, found, options, settings, on_outcome, say, stop)
-        written = {"report": write_fleet_page(ended, folder), "summary": folder / "fleet.json"}
-        write_fleet_file(written["summary"], ended)
-        result.values |= {**fleet_values(ended), **written}
-        for line in lines(ended):
-            result.say(line)
-        for name, path in written.items():
-            result.say(f"{name}: {path}")
-        _judge(ended, bool(stop.reason), result)
+    if scheduler is not None and workers is not None:
+        raise UsageError("--workers: is for this machine; the workers at --scheduler are started there")
+    place = _folder(out)
+    folder = report or (Path(place) if place and "://" not in place else Path())
+    make_folder(folder)  # before any work
+    found, others = located(globs)
+    if others:
+        result.say(f"no recordings, left out: {_some(others)}")
+    settings = Settings(scheduler=scheduler, workers=workers, out=place, again=again)
+    with stop_on_signals() as stop, _progress(verb, len(found), result.quiet) as on_outcome:
+        ended = run_fleet(verb, found, options, settings, on_outcome, say, stop)
+    written = {"report": write_fleet_page(ended, folder), "summary": folder / "fleet.json"}
+    write_fleet_file(written["summary"], ended)
+    result.values |= {**fleet_values(ended), **written}
+    for line in lines(ended):
+        result.say(line)
+    result.say_files(written)
+    _judge(ended, bool(stop.reason), result)
 
 
 def _options(
-    verb: FleetVerb,
-    limits: Path | None,
-    language: str,
-    model: Path | None,
-    part: Literal["gyro", "drive", "chamber"] | None,
-    seed: int,
+    limits: Path | None = None,
+    language: str = "en",
+    model: Path | None = None,
+    part: Part | None = None,
+    seed: int = 0,
 ) -> Options:
-    """Return the options of the verb; raise `UsageError` for options of another verb and for unusable files."""
+    """Return the options of a verb; raise `UsageError` for unusable files."""
     from benchctl.fleet.job import Options
     from benchctl.metrology.limit_file import read_limits
     from benchctl.model_file import read_model
-    from benchctl_instruments.errors import UsageError
 
-    owners: dict[str, tuple[FleetVerb, bool]] = {
-        "--limits": ("accept", limits is not None),
-        "--lang": ("accept", language != "en"),
-        "--model": ("diagnose", model is not None),
-        "--part": ("diagnose", part is not None),
-        "--seed": ("diagnose", seed != 0),
-    }
-    for name, (owner, given) in owners.items():
-        if given and owner != verb:
-            raise UsageError(f"{name}: is for fleet {owner}; leave it out of fleet {verb}")
-    if verb == "accept" and limits is None:
-        raise UsageError(
-            "--limits is needed: fleet accept judges by a file of limits; `benchctl init` writes an example"
-        )
     if model is not None:
         read_model(model)  # an unusable model is refused here, not once per recording
     return Options(

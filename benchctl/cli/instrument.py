@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -16,74 +16,67 @@ _MOST_SHOWN = 48
 _WIDEST = 40
 
 
-def instrument(
-    action: Annotated[
-        Literal["probe", "new"],
-        typer.Argument(metavar="ACTION", help="probe: ask a device what it is; new: write the start of a driver."),
+def instrument() -> None:
+    """Ask an unknown device which drivers recognise it, or write a package with a new driver to fill in.
+
+    Example: `benchctl instrument probe serial:///dev/ttyUSB0?baud=9600`, `benchctl instrument new chamber acme_9000`
+    """
+
+
+def probe(
+    address: Annotated[
+        str,
+        typer.Argument(metavar="ADDRESS", help="As in bench.toml: tcp://host:502 or serial:///dev/ttyUSB0?baud=9600."),
     ],
-    words: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="WORD",
-            help="probe: the ADDRESS as in bench.toml, tcp://host:502 or serial:///dev/ttyUSB0?baud=9600. "
-            "new: KIND and NAME, chamber acme_9000.",
-        ),
-    ],
-    timeout: Annotated[
-        float | None,
-        typer.Option("--timeout", metavar="SECONDS", min=0.01, help="probe: for each answer.  [default: 1]"),
-    ] = None,
-    unit: Annotated[
-        int | None,
-        typer.Option("--unit", metavar="N", min=1, max=247, help="probe: number of the Modbus unit.  [default: 1]"),
-    ] = None,
+    timeout_s: Annotated[
+        float, typer.Option("--timeout", metavar="SECONDS", min=0.01, help="Time limit of each answer.")
+    ] = 1.0,
+    unit: Annotated[int, typer.Option("--unit", metavar="N", min=1, max=247, help="Number of the Modbus unit.")] = 1,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Ask an unknown device which drivers recognise it; read only.
+
+    It listens, asks `*IDN?` and the identification queries of all drivers, and reads Modbus registers. It shows each
+    question and answer, and the lines of bench.toml for the drivers that match, best first. A serial address without a
+    speed is tried at the speed of each driver. Exit status 0: recognised; 2: it answers, and no driver recognises it;
+    3: nothing answers.
+
+    Example: `benchctl instrument probe serial:///dev/ttyUSB0?baud=9600`
+    """
+    with result_of("instrument", json_to, quiet) as result:
+        _probe(result, address, timeout_s, unit)
+
+
+def new(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="The kind of instrument: chamber.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the driver, such as acme_9000.")],
     protocol: Annotated[
-        Literal["modbus", "lines"] | None,
-        typer.Option(help="new: Modbus by a profile, or lines of ASCII in Python.  [default: modbus]"),
-    ] = None,
+        Literal["modbus", "lines"], typer.Option(help="Modbus by a profile, or lines of ASCII in Python.")
+    ] = "modbus",
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="new: the folder to write.  [default: NAME]")
+        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="The folder to write; default: NAME.")
     ] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Ask an unknown device which drivers recognise it, or write a package with a new driver to fill in.
+    """Write a package with a new driver to fill in.
 
-    `probe` only reads: it listens, asks `*IDN?` and the identification queries of all drivers, and reads Modbus
-    registers; it shows each question and answer, and the lines of bench.toml for the drivers that match, best first.
-    A serial address without a speed is tried at the speed of each driver. Exit status 0: recognised; 2: it answers,
-    and no driver recognises it; 3: nothing answers.
+    It contains a driver, its simulated instrument, a test that passes without changes, and the entry points by which
+    benchctl finds both after `pip install -e NAME`. For a Modbus controller only the profile, a TOML file, is to be
+    filled in.
 
-    `new chamber NAME` writes a driver, its simulated instrument, a test that passes without changes, and the entry
-    points by which benchctl finds both after `pip install -e NAME`. For a Modbus controller only the profile, a TOML
-    file, is to be filled in.
-
-    Example: `benchctl instrument probe serial:///dev/ttyUSB0?baud=9600`, `benchctl instrument new chamber acme_9000`
+    Example: `benchctl instrument new chamber acme_9000`
     """
-    from benchctl_instruments.errors import UsageError
-
     with result_of("instrument", json_to, quiet) as result:
-        owners: dict[str, tuple[str, Any]] = {
-            "--timeout": ("probe", timeout),
-            "--unit": ("probe", unit),
-            "--protocol": ("new", protocol),
-            "--output": ("new", output),
-        }
-        for name, (owner, given) in owners.items():
-            if given is not None and owner != action:
-                raise UsageError(f"{name}: is for instrument {owner}; leave it out of instrument {action}")
-        match action, words:
-            case "probe", [address]:
-                _probe(result, address, 1.0 if timeout is None else timeout, unit or 1)
-            case "new", [kind, name]:
-                _new(result, kind, name, Path(name) if output is None else output, protocol or "modbus")
-            case _:
-                expected = "one ADDRESS" if action == "probe" else "KIND and NAME, for example chamber acme_9000"
-                raise UsageError(f"instrument {action} {' '.join(words)}: expected {expected}")
+        _new(result, kind, name, Path(name) if output is None else output, protocol)
+
+
+COMMANDS = (probe, new)
 
 
 def _probe(result: Result, address: str, timeout_s: float, unit: int) -> None:
-    from benchctl.app.probe import bench_lines, probe
+    from benchctl.app import probe as app
 
     shown_at = ""
 
@@ -97,7 +90,7 @@ def _probe(result: Result, address: str, timeout_s: float, unit: int) -> None:
             if data:
                 result.say(f"  {'':<{_WIDEST}}    {mark} {_shown(data)}")
 
-    probed = probe(address, unit_id=unit, timeout_s=timeout_s, tell=show)
+    probed = app.probe(address, unit_id=unit, timeout_s=timeout_s, tell=show)
     result.values["exchanges"] = [
         {
             "address": each.address,
@@ -115,14 +108,14 @@ def _probe(result: Result, address: str, timeout_s: float, unit: int) -> None:
             "certainty": match.certainty,
             "device": match.device,
             "address": match.address,
-            "bench_toml": "\n".join(bench_lines(match)),
+            "bench_toml": "\n".join(app.bench_lines(match)),
         }
         for match in probed.matches
     ]
     probed.require_match(address)
     for match in probed.matches:
         result.say(f"\n{match.model} ({match.kind.replace('_', ' ')}), {match.certainty}: {match.device}")
-        for line in bench_lines(match):
+        for line in app.bench_lines(match):
             result.say(f"  {line}")
 
 

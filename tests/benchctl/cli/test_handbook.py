@@ -13,13 +13,13 @@ from tempfile import TemporaryDirectory
 
 import pytest
 import yaml
-from typer.exceptions import TyperException
 
 from benchctl.app.handbook import anchor_of, topics
 from benchctl.bench import Bench, load_bench, template
 from benchctl.cli.app import run_verb
-from benchctl.cli.command import command_of
+from benchctl.cli.command import named_command
 from benchctl.cli.verbs import VERBS
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.cli.processes import benchctl
 from tests.documented import blocks
 
@@ -97,10 +97,11 @@ def test_commands_have_verbs_options_and_values_that_the_command_line_takes(page
         assert verb in VERBS, f"{page.name}: benchctl {verb}"
         if arguments[0:1] == ["--help"]:
             continue
+        command, rest = named_command(verb, arguments)
         try:
-            command_of(verb).make_context(verb, list(arguments))
-        except TyperException as err:
-            pytest.fail(f"{page.name}: benchctl {verb} {shlex.join(arguments)}: {err.format_message()}")
+            command.make_context(verb, rest)
+        except UsageError as err:
+            pytest.fail(f"{page.name}: benchctl {verb} {shlex.join(arguments)}: {err}")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)

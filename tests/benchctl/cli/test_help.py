@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from benchctl.cli.app import run_verb
-from benchctl.cli.command import command_of, examples, option_names
+from benchctl.cli.command import command_of, examples, named_command, option_names
 from benchctl.cli.output import parameters
 from benchctl.cli.verbs import EXAMPLES, GROUPS, SYNONYMS, VERBS, overview
 from benchctl.plan.find import find_procedure
@@ -75,8 +75,8 @@ def commands(lines: tuple[str, ...]) -> list[list[str]]:
 def parsed(words: list[str]) -> dict[str, object]:
     program, verb, *arguments = words
     assert program == "benchctl"
-    command = command_of(verb)
-    return command.make_context(verb, list(arguments)).params
+    command, rest = named_command(verb, arguments)
+    return command.make_context(verb, rest).params
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -141,6 +141,9 @@ def test_what_other_programs_call_a_verb_leads_to_ours() -> None:
         (["export", "x.h5", "--to", "cvs"], ": did you mean csv?"),
         (["accept"], "accept: RECORDING is needed: A recording, a campaign's folder"),
         (["simulate", "static"], "simulate: --output / -o is needed: the recording to write"),
+        (["fleet"], "fleet: expected fit or diagnose or accept; benchctl fleet --help explains it"),
+        (["fleet", "fits", "a"], "fleet: there is no command fits: did you mean fit?"),
+        (["instrument", "probe", "tcp://a:1", "-o", "x"], "instrument probe: there is no option -o"),
         (["show", "a", "b"], "show: Got unexpected extra argument(s) (b); benchctl show --help explains it"),
         (["allan", "x.csv", "--rate-hz", "5 m"], "--rate-hz: expected a number in Hz"),
         (["run", "sttaic", "--bench", "simulated"], "there is no procedure 'sttaic': did you mean static?"),
