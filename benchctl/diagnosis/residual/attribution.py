@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -35,6 +36,8 @@ _SECTOR_DEG = 10.0
 """Where a motion passes all sectors of this size, the rounding of the angle averages out over the turn."""
 _ROUNDED = 0.1
 """Share of the rounding's variance that may remain in lines, if the motion sweeps the steps alike each time."""
+_REPLACED = 0.5
+"""Share of the gain of a finding above which what is found in its place replaces it."""
 NOTHING = Unexplained(significant=False, share=0.0)
 
 
@@ -69,7 +72,7 @@ def named(
                 instead[name] = own * gains[name] / max(gain_of(chosen.after, one), 1.0)
         effects = dict(zip(chosen.evidence, chosen.after.point.effects, strict=True))
         forbidden = withdrawn(noises if contested else gains, judged, instead)
-        forbidden = forbidden or _too_small(problem, chosen, rest, agreed)
+        forbidden = forbidden or _too_small(problem, chosen, rest, agreed | _independent(judged, gains, instead))
         if not forbidden:
             break
         fallen = {place_of(effect) for key, effect in effects.items() if key in forbidden}
@@ -87,14 +90,14 @@ def named(
     return chosen, unexplained, ()
 
 
-def _too_small(problem: PartProblem, chosen: Selection, rest: ResidualStructure, agreed: set[str]) -> tuple[str, ...]:
+def _too_small(problem: PartProblem, chosen: Selection, rest: ResidualStructure, kept: set[str]) -> tuple[str, ...]:
     """Return the key of the weakest finding along the motion if chance can gain as much with this residual, else ().
 
     The power it explains in the rows is compared with the lack of fit (an F-test), because the logarithm of a
     likelihood is small if much is left. The gain in quantities compared in addition to the rows counts in full, as the
     residual does not contain them. The errors of other findings, which are not chance, the search has compared with
-    the gain itself. A finding on which several recordings agree (`agreed`) is kept. An encoder error smaller than one
-    encoder step is rounding that repeats with a motion of less than a turn.
+    the gain itself. A finding on which several recordings agree is kept, and so is one that the residual cannot follow
+    (`kept`). An encoder error smaller than one encoder step is rounding that repeats with a motion of less than a turn.
     """
     gains: dict[str, float] = {}
     chance = chosen.screening.threshold
@@ -102,12 +105,22 @@ def _too_small(problem: PartProblem, chosen: Selection, rest: ResidualStructure,
         if isinstance(effect, EncoderEffect) and _is_rounding(problem, effect):
             return (key,)
         ratio = lack_of_fit(rest, effect.coordinate)
-        if key not in agreed and of_the_motion(effect.coordinate) and chosen.evidence[key].gain < ratio * chance:
+        if key not in kept and of_the_motion(effect.coordinate) and chosen.evidence[key].gain < ratio * chance:
             gain, less = chosen.evidence[key].gain, without(problem, chosen, key)
             rows = chosen.after.fitted[problem.step]
             gains[key] = max(gain - _in_rows(problem, chosen.after, less), 0.0)
             gains[key] += _by_power(rest, chosen.after, _squares(less, rows) - _squares(chosen.after, rows)) / ratio
     return tuple(key for key, gain in gains.items() if gain == min(gains.values()) and gain < chance)
+
+
+def _independent(rest: ResidualStructure, gains: Mapping[str, float], instead: Mapping[str, float]) -> set[str]:
+    """Return the keys of findings that a function of the residual's coordinate, found `instead`, does not replace.
+
+    None if the residual changes from step to step or in time: such a residual may follow anything.
+    """
+    if {"time", "step"} & {*"*".join(rest.coordinates).split("*")}:
+        return set()
+    return {key for key, gain in instead.items() if gain < _REPLACED * gains[key]}
 
 
 def _is_rounding(problem: PartProblem, effect: EncoderEffect) -> bool:

@@ -26,8 +26,8 @@ _UNEVEN = 0.1
 """A line counts as one line if its parts disagree by less than this share of its gain, however small their errors."""
 _HARMONICS = 50.5
 """Highest multiple of a swing's frequency that its motion can contain; backlash, for example, decreases as 1/n²."""
-_SWING = 0.7
-"""Minimum share of the rate's power in one line for a table to count as swinging at one frequency."""
+_SWING = 8.0 / math.pi**2
+"""Share of the rate's power in one line above which a table swings at one frequency: that of alternating rates."""
 
 
 def swing_hz(rate_dps: FloatArray, time_s: FloatArray, interval_s: float) -> float:

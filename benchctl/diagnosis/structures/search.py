@@ -85,7 +85,7 @@ class _Candidate:
 def modelled(
     problem: Structurable,
     chosen: Selection,
-    rest: ResidualStructure,
+    rest: ResidualStructure | None,
     *,
     apart_from: Sequence[DescribedEffect] = (),
     most: int = 3,
@@ -98,9 +98,10 @@ def modelled(
     """Return the selection with the residual modelled by at most `most` structures; None if no shape explains it.
 
     Shapes over the coordinates of the effects `apart_from` are not tried. Splines are tried only if `smooth` is set,
-    one per kind of coordinate, because together they could follow anything. The first structure must gain at least
-    `worth`. A small residual that may be due to an inexact shape is not modelled. `bare` is the fit without structures
-    if the selection already contains some. A `scan` of the selection can be shared by several searches.
+    one per kind of coordinate, because together they could follow anything. `rest` is None where findings were removed,
+    so that the residual is known to have a structure. The first structure must gain at least `worth`. A small residual
+    that may be due to an inexact shape is not modelled. `bare` is the fit without structures if the selection already
+    contains some. A `scan` of the selection can be shared by several searches.
     """
     scan = Scan(problem, chosen) if scan is None else scan
     taken = {_kind(word) for effect in apart_from for word in _own(effect.coordinate)}
@@ -109,11 +110,11 @@ def modelled(
     known = [one for one in chosen.after.point.effects if isinstance(one, Structure)] if bare is not None else []
     bare = chosen.after if bare is None else bare
     for _ in range(2 * most):  # some make others redundant
-        if len(found) == most or not rest.significant:
+        if len(found) == most or not (rest is None or rest.significant):
             break
         before = [*known, *found]
         explained = gain_of(chosen.after, bare) if before else 0.0
-        minor = bool(before) and is_attributable(rest, max(explained, _as_gain(chosen, bare, rest)))
+        minor = before and rest is not None and is_attributable(rest, max(explained, _as_gain(chosen, bare, rest)))
         curved = {_kind(one.over) for one in before if one.is_smooth} if smooth else {*_KINDS.values(), _MOTION}
         ruled_out = taken | (_followed(before) if minor else set())
         candidates = scan.candidates(ruled_out, curved, IMPERFECT**2 * explained)
@@ -131,7 +132,7 @@ def modelled(
             scan = scan if chosen is scan.chosen else Scan(problem, chosen)
         ties = ties if not first or found[0] is first[0] else ()
         rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
-    if not found:
+    if not found or rest is None:
         return None
     return Modelled(chosen=chosen, structures=tuple(found), ties=ties, left=rest)
 

@@ -41,6 +41,9 @@ _OF_THE_RATE = {"output": "rate", "abs_rate": "rate"}
 MOST_STRUCTURES, _BEGUN = 3, 0.3
 """Maximum number of structures; minimum gain of the first one relative to what it replaces."""
 
+_UNREFINED = 0.98
+"""Minimum share of the final gain of a structure that it has before its widths are refined."""
+
 _PIECES = (24, 48, 96)
 """Numbers of linear pieces over each of two coordinates; over one coordinate twice as many."""
 
@@ -105,8 +108,9 @@ def instead_of_names(
             if found is not None:
                 return less, found
             continue
-        rest = residual_structure_of(problem, less.whitener, less.after, seed=seed)
-        found = modelled(problem, less, rest, most=1, worth=_BEGUN * gain, seed=seed)
+        least = gain + CLEARLY - (parameters - 1) * math.log(chosen.after.rows)  # of a structure with one parameter
+        worth = max(_BEGUN * gain, _UNREFINED * least)
+        found = modelled(problem, less, None, most=1, worth=worth, seed=seed)
         if found is None:
             continue
         fewer = parameters - sum(len(one.parameters) for one in found.structures)

@@ -171,6 +171,8 @@ def _of_prediction(
     if not (jumps or spikes):  # with the structures in the model, jumps may become significant
         extended, jumps = with_jumps(problem, by_shapes.chosen)
         by_shapes = replace(by_shapes, chosen=extended)
+    if len(by_shapes.structures) > 1:
+        by_shapes = _named_beside_first(problem, by_shapes, seed)
     if instead or evident or by_shapes.left.significant:
         by_shapes = _named_again(problem, by_shapes, seed)
     elif fallen:
@@ -357,6 +359,27 @@ def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
         return found
     left = residual_structure_of(problem, again.whitener, again.after, seed=seed)
     return Modelled(chosen=again, structures=kept, ties=found.ties, left=left)
+
+
+def _named_beside_first(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
+    """Return the model with named effects in place of all structures but the first, if these explain at least as much.
+
+    A strong structure hides weak effects from the search for named effects, and further structures then follow them.
+    """
+    keys = structures_of(found.chosen)
+    others = {key for key, its in keys.items() if its != found.structures[0].identifier}
+    if swinging_hz(problem) or len(others) < len(keys) - 1:  # a search does not know two of a kind apart
+        return found
+    less = reduced(problem, found.chosen, others)
+    again = select(problem, seed=seed, progress=lambda _name, _share: None, chosen=less)
+    added = len(again.after.numbers) - len(found.chosen.after.numbers)
+    lost = found.chosen.after.rows * math.log(again.after.squares / found.chosen.after.squares)
+    if not structures_of(again) or lost + added * math.log(again.after.rows) > 0.0:
+        return found
+    left = residual_structure_of(problem, again.whitener, again.after, seed=seed)
+    if left.significant and not (found.left.significant and left.power <= found.left.power):
+        return found
+    return Modelled(chosen=again, structures=found.structures[:1], ties=found.ties, left=left)
 
 
 def _share(chosen: Selection, found: Modelled) -> float:

@@ -230,6 +230,21 @@ def test_both_orders_are_found_beside_a_structure_over_the_rate_though_the_encod
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("change", [3e-4, 1e-2], ids=["weak", "strong"])
+def test_both_orders_are_found_beside_a_bias_that_follows_the_last_direction(tmp_path: Path, change: float) -> None:
+    """A strong one hides the encoder at first. A few constant rates are no swing, and resolve no short period of volts."""
+    told = diagnosed(tmp_path, positive_of_bias_over_last_sign={"change": change})
+    assert [(one.effect, one.parameters["order"].value) for one in told.findings] == [
+        ("encoder_eccentricity", 1.0),
+        ("encoder_eccentricity", 2.0),
+    ]
+    assert [one.parameters["amplitude_arcsec"].value for one in told.findings] == pytest.approx([15.0, 5.0], rel=0.1)
+    (direction,) = told.unexplained.models
+    assert direction.identifier == "positive_of_bias_over_last_sign"
+    assert direction.parameters["change"].value == pytest.approx(change, rel=0.05)
+
+
+@pytest.mark.slow
 def test_steps_of_constant_rates_beside_a_coarse_encoder_have_no_bandwidth(tmp_path: Path) -> None:
     told = diagnosed(tmp_path, rates="91.37, 61.13, 117.71, 31.87, 103.19, 78.83", counts=36_000)
     assert {one.effect for one in told.findings} == {"encoder_eccentricity"}
