@@ -232,7 +232,7 @@ def test_both_orders_are_found_beside_a_structure_over_the_rate_though_the_encod
 @pytest.mark.slow
 @pytest.mark.parametrize("change", [3e-4, 1e-2], ids=["weak", "strong"])
 def test_both_orders_are_found_beside_a_bias_that_follows_the_last_direction(tmp_path: Path, change: float) -> None:
-    """A strong one hides the encoder at first. A few constant rates are no swing, and resolve no short period of volts."""
+    """A strong one hides the encoder at first; constant rates are no swing and resolve no short period of volts."""
     told = diagnosed(tmp_path, positive_of_bias_over_last_sign={"change": change})
     assert [(one.effect, one.parameters["order"].value) for one in told.findings] == [
         ("encoder_eccentricity", 1.0),
