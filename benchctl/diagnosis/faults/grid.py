@@ -10,12 +10,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import rel_entr
 
 from benchctl.diagnosis.faults.fault import CHANCE
-from benchctl_instruments.arrays import FloatArray, IntArray
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
-_ON_GRID = 0.999
-"""Minimum share of the rows on a grid; the others may come from another converter."""
+_ON_GRID = 0.99
+"""Minimum share of the rows on a grid; the others may be outliers, or come from another converter."""
 
 _MOST_BITS = 12
 _DECIMALS = range(2, 10)
@@ -58,21 +59,21 @@ def grid_of(volts: FloatArray, adc_step_v: float) -> Grid:
     values, counts = np.unique(volts, return_counts=True)
     unit = _unit(values)
     distances = values - float(values[np.argmax(counts)])
-    for bits in range(_MOST_BITS, -1, -1) if adc_step_v > 0.0 else ():
-        step = adc_step_v * 2.0**bits
-        slack = _slack(step, unit)
-        if step < _VISIBLE * slack or not _stands_on(distances, counts, step, slack):
-            continue
-        chance = max(2.0**-bits, 2.0 * slack / step)
-        evidence = -(values.size - 1) * math.log(chance)
-        if bits == 0 or evidence > math.log((_MOST_BITS + 1) / CHANCE):
-            return Grid(step_v=step, bits_lost=bits, evidence=evidence)
+    if adc_step_v > 0.0:
+        grids = [_with_lost(bits, distances, counts, adc_step_v, unit) for bits in range(_MOST_BITS + 1)]
+        likeliest, suffices = max(
+            grids, key=lambda one: one[0].evidence
+        )  # a part of a grid speaks for a finer one, too
+        if suffices and likeliest.evidence > math.log((_MOST_BITS + 1) / CHANCE):
+            return likeliest
+        if grids[0][1]:
+            return grids[0][0]
     step = _derived(values, distances, counts, unit)
     if step == 0.0:
         return Grid(step_v=unit)
     power = math.log2(step / adc_step_v) if adc_step_v > 0.0 else 0.0
     bits = round(power)
-    evidence = (values.size - 1) * max(bits, 0) * math.log(2.0)
+    evidence = _evidence(_on_grid(distances, step, 2.0 * _printed(unit)), 2.0 ** -max(bits, 0))
     if bits < 1 or abs(power - bits) > _NEAR_POWER or evidence < math.log(1.0 / CHANCE):
         return Grid(step_v=step)
     return Grid(step_v=step, bits_lost=bits, evidence=evidence)
@@ -89,21 +90,50 @@ def _unit(values: FloatArray) -> float:
 
 def _slack(step: float, unit: float) -> float:
     """Return how much printing can change the difference of two values that are an integer number of steps apart."""
-    if unit == 0.0:
-        return _SINGLE
-    units = step / unit
-    return (2.0 * _EXACT if abs(units - round(units)) < _EXACT and units > 0.5 else 1.02) * unit
+    units = step / unit if unit > 0.0 else 0.0
+    return 2.0 * _EXACT * unit if abs(units - round(units)) < _EXACT and units > 0.5 else _printed(unit)
 
 
-def _stands_on(distances: FloatArray, counts: IntArray, step: float, slack: float) -> bool:
+def _printed(unit: float) -> float:
+    """Return how much printing can change the difference of any two values."""
+    return 1.02 * unit if unit > 0.0 else _SINGLE
+
+
+def _with_lost(bits: int, distances: FloatArray, counts: IntArray, adc_step_v: float, unit: float) -> tuple[Grid, bool]:
+    """Return the grid of a converter that lost so many bits, and whether enough rows stand on it."""
+    step = adc_step_v * 2.0**bits
+    slack = _slack(step, unit)
+    if step < _VISIBLE * slack:
+        return Grid(step_v=step, bits_lost=bits), False
+    on_grid = _on_grid(distances, step, slack)
+    evidence = _evidence(on_grid, max(2.0**-bits, 2.0 * slack / step))
+    return Grid(step_v=step, bits_lost=bits, evidence=evidence), _suffices(on_grid, counts)
+
+
+def _on_grid(distances: FloatArray, step: float, slack: float) -> BoolArray:
     codes = distances / step
-    on_grid = np.abs(codes - np.rint(codes)) * step <= slack
+    return np.asarray(np.abs(codes - np.rint(codes)) * step <= slack)
+
+
+def _suffices(on_grid: BoolArray, counts: IntArray) -> bool:
     return float(counts[on_grid].sum()) >= _ON_GRID * float(counts.sum())
+
+
+def _evidence(on_grid: BoolArray, chance: float) -> float:
+    """Return the log likelihood ratio of different values, of which some stand on a grid, each by chance with `chance`.
+
+    The first one stands on it by definition.
+    """
+    others = on_grid.size - 1
+    share = (float(np.count_nonzero(on_grid)) - 1.0) / max(others, 1)
+    if share <= chance:
+        return 0.0
+    return others * float(rel_entr(share, chance) + rel_entr(1.0 - share, 1.0 - chance))
 
 
 def _derived(values: FloatArray, distances: FloatArray, counts: IntArray, unit: float) -> float:
     """Return the step estimated from the values alone, which are a few steps apart; 0 if they are on no grid."""
-    slack = 1.02 * unit if unit > 0.0 else _SINGLE
+    slack = _printed(unit)
     gaps = np.diff(values)
     gaps = gaps[gaps > 2.0 * slack]
     if gaps.size < 2:
@@ -115,4 +145,4 @@ def _derived(values: FloatArray, distances: FloatArray, counts: IntArray, unit: 
         codes = np.rint(near / step)
         if codes.any():
             step = float(near @ codes / (codes @ codes))
-    return step if step >= _VISIBLE * slack and _stands_on(distances, counts, step, 2.0 * slack) else 0.0
+    return step if step >= _VISIBLE * slack and _suffices(_on_grid(distances, step, 2.0 * slack), counts) else 0.0
