@@ -17,8 +17,9 @@ _PADDED = 8
 _LONGEST_SPANS = 4.0
 """Longest period, as a multiple of the output's span: half of such a wave is nearly a parabola."""
 
-_FEWEST_A_PERIOD = 2.0
-"""Smallest mean number of separate values of the output in a period: fewer do not resolve it (Nyquist)."""
+_FEWEST_A_PERIOD, _MANY, _LONGER = 2.0, 100.0, 1.25
+"""Smallest mean number of separate values of the output in a period, unless there are many of them in all; ratio of the
+periods that are tried for it."""
 
 _HIDDEN = 1e-3
 """Share of a wave's power that the present model must not be able to follow; otherwise its gain means nothing."""
@@ -31,7 +32,7 @@ def converter_places(pull: Pull, volts: FloatArray, shortest_v: float, count: in
     and residual, and would look like a curvature where the density of rows decreases. The noise shifts a wave's phase
     by much less than a period. The part of a wave that the present model can follow, such as the third power of the
     rate, is not counted as gain. A few constant rates give a few values of the output, which a wave of some short
-    period always follows: a period that the values do not resolve is left out.
+    period always follows: periods that few values do not resolve are left out.
     """
     low, high = float(volts[pull.rows].min()), float(volts[pull.rows].max())
     span = max(high - low, 1e-300)
@@ -53,18 +54,24 @@ def converter_places(pull: Pull, volts: FloatArray, shortest_v: float, count: in
     known = np.stack([-spectrum(pull.of_known(i), kept).imag for i in range(len(pull.fitted.numbers))])
     own = power - np.einsum("ik,ij,jk->k", known, pull.fitted.inverse_information, known)
     lowest = math.ceil(size * width / (_LONGEST_SPANS * span))
-    usable = (own > _HIDDEN * power) & (np.arange(kept) >= lowest)
+    weight = np.bincount(place, pull.information, minlength=bins).astype(np.float64)
+    highest = size / _shortest_resolved(weight, shortest_v / width)
+    usable = (own > _HIDDEN * power) & (np.arange(kept) >= lowest) & (np.arange(kept) <= highest)
     gain = np.where(usable, score**2 / np.where(usable, own, 1.0), 0.0)
     # rate at which a process of one degree of freedom crosses a level, over so many periods (Rice)
     usual = math.sqrt(float(np.average(volts**2, weights=pull.information)))
     places = max(2.0 * usual / shortest_v, 1.0)
-    found = ((size * width / between(gain, index), float(gain[index])) for index in peaks(gain, count, _PADDED))
-    weight = np.bincount(place, pull.information, minlength=bins).astype(np.float64)
-    return [Place(period, one, places) for period, one in found if _is_resolved(weight, period / width)]
+    return [
+        Place(size * width / between(gain, index), float(gain[index]), places) for index in peaks(gain, count, _PADDED)
+    ]
 
 
-def _is_resolved(weight: FloatArray, period: float) -> bool:
-    """Return whether the values of a histogram, shape (bins,), sample a period [bins] often enough in the mean."""
-    cells = np.bincount((np.arange(weight.size) * _BINS_A_PERIOD / period).astype(np.int64), weight)
-    separate = float(cells.sum()) ** 2 / float(cells @ cells)
-    return separate * period >= _FEWEST_A_PERIOD * weight.size
+def _shortest_resolved(weight: FloatArray, period: float) -> float:
+    """Return the shortest period [bins], at least `period`, that the values of a histogram, shape (bins,), resolve."""
+    while period < weight.size:
+        cells = np.bincount((np.arange(weight.size) * _BINS_A_PERIOD / period).astype(np.int64), weight)
+        separate = float(cells.sum()) ** 2 / float(cells @ cells)
+        if separate >= min(_MANY, _FEWEST_A_PERIOD * weight.size / period):
+            break
+        period *= _LONGER
+    return period

@@ -50,3 +50,12 @@ def test_where_there_is_no_wave_chance_promises_no_more_than_it_may() -> None:
         allowed = math.exp(-level / 2.0)
         assert np.mean(np.array(promised) > level) < allowed + 3.0 * math.sqrt(allowed / 300)
     assert max(promised) < 14.0
+
+
+def test_a_few_constant_voltages_are_not_given_a_wave_of_a_period_that_they_do_not_resolve() -> None:
+    volts = np.repeat([-2.0, -1.3, -0.8, -0.2, 0.3, 1.1, 1.6, 2.1], 500)
+    known = np.stack([volts**power for power in (0, 1)], axis=1)
+    unlike = np.repeat(np.random.default_rng(5).standard_normal(8), 500)
+    found = converter_places(pulled(unlike, known), volts, 0.01, 3)
+    assert found
+    assert all(place.value > 4.1 / 4.0 for place in found)
