@@ -17,6 +17,13 @@ from benchctl.estimation.fit import Fit
 from benchctl.estimation.noise import Whitener
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
+CELLS = 8
+"""Number of cells of a period that are told apart."""
+
+_FEWEST_A_PERIOD, _MANY, _LONGER = 2.0, 100.0, 1.25
+"""Smallest mean number of separate values in a period, unless there are many of them in all; ratio of the periods that
+are tried for it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pull:
@@ -96,3 +103,18 @@ def paid(places: float, gain: float, level: float) -> float:
     of the place itself.
     """
     return places * math.exp(min(0.5 * gain * (1.0 - 1.0 / max(level, 1.0)), 600.0))
+
+
+def shortest_resolved(information: FloatArray, period: float) -> float:
+    """Return the shortest period [bins], at least `period`, that the values of a coordinate resolve.
+
+    `information` (b,) are the sums over its bins. A few constant rates have a few values of rate and output, which a
+    wave of some shorter period always follows.
+    """
+    while period < information.size:
+        cells = np.bincount((np.arange(information.size) * CELLS / period).astype(np.int64), information)
+        separate = float(cells.sum()) ** 2 / max(float(cells @ cells), 1e-300)
+        if separate >= min(_MANY, _FEWEST_A_PERIOD * information.size / period):
+            break
+        period *= _LONGER
+    return period

@@ -8,18 +8,13 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
-from benchctl.diagnosis.search.pull import Place, Pull, between, peaks
+from benchctl.diagnosis.search.pull import CELLS, Place, Pull, between, peaks, shortest_resolved
 from benchctl_instruments.arrays import FloatArray
 
-_BINS_A_PERIOD = 8
 _MOST_BINS = 1 << 17
 _PADDED = 8
 _LONGEST_SPANS = 4.0
 """Longest period, as a multiple of the output's span: half of such a wave is nearly a parabola."""
-
-_FEWEST_A_PERIOD, _MANY, _LONGER = 2.0, 100.0, 1.25
-"""Smallest mean number of separate values of the output in a period, unless there are many of them in all; ratio of the
-periods that are tried for it."""
 
 _HIDDEN = 1e-3
 """Share of a wave's power that the present model must not be able to follow; otherwise its gain means nothing."""
@@ -36,7 +31,7 @@ def converter_places(pull: Pull, volts: FloatArray, shortest_v: float, count: in
     """
     low, high = float(volts[pull.rows].min()), float(volts[pull.rows].max())
     span = max(high - low, 1e-300)
-    width = max(shortest_v / _BINS_A_PERIOD, span / _MOST_BINS)
+    width = max(shortest_v / CELLS, span / _MOST_BINS)
     first = math.floor(low / width)
     bins = math.floor(high / width) - first + 1
     place = np.clip(np.floor(volts / width).astype(np.int64) - first, 0, bins - 1)
@@ -55,7 +50,7 @@ def converter_places(pull: Pull, volts: FloatArray, shortest_v: float, count: in
     own = power - np.einsum("ik,ij,jk->k", known, pull.fitted.inverse_information, known)
     lowest = math.ceil(size * width / (_LONGEST_SPANS * span))
     weight = np.bincount(place, pull.information, minlength=bins).astype(np.float64)
-    highest = size / _shortest_resolved(weight, shortest_v / width)
+    highest = size / shortest_resolved(weight, shortest_v / width)
     usable = (own > _HIDDEN * power) & (np.arange(kept) >= lowest) & (np.arange(kept) <= highest)
     gain = np.where(usable, score**2 / np.where(usable, own, 1.0), 0.0)
     # rate at which a process of one degree of freedom crosses a level, over so many periods (Rice)
@@ -64,14 +59,3 @@ def converter_places(pull: Pull, volts: FloatArray, shortest_v: float, count: in
     return [
         Place(size * width / between(gain, index), float(gain[index]), places) for index in peaks(gain, count, _PADDED)
     ]
-
-
-def _shortest_resolved(weight: FloatArray, period: float) -> float:
-    """Return the shortest period [bins], at least `period`, that the values of a histogram, shape (bins,), resolve."""
-    while period < weight.size:
-        cells = np.bincount((np.arange(weight.size) * _BINS_A_PERIOD / period).astype(np.int64), weight)
-        separate = float(cells.sum()) ** 2 / float(cells @ cells)
-        if separate >= min(_MANY, _FEWEST_A_PERIOD * weight.size / period):
-            break
-        period *= _LONGER
-    return period

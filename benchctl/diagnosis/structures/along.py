@@ -13,7 +13,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import scipy.optimize
 
-from benchctl.diagnosis.search.pull import Pull
+from benchctl.diagnosis.search.pull import CELLS, Pull, shortest_resolved
 from benchctl.estimation.fit import inverse
 from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray
@@ -114,7 +114,10 @@ def everywhere(alongs: Sequence[Along]) -> Iterator[Begun]:
         shapes = (*_ALONG, *(("exponential",) if over == "time" else ()))
     for shape in shapes:
         sought = [one for one in alongs if _is_tried(shape, one.place)]
-        yield from _best(shape, list(_grid(over, shape, span)), sought)
+        places = list(_grid(over, shape, span))
+        if shape == "wave":
+            places = [one for one in places if one["period"] >= alongs[0].shortest_period]
+        yield from _best(shape, places, sought)
     for one in alongs:
         stage, _, times = one.place
         if times or stage == "loss":
@@ -222,6 +225,13 @@ class Along:
             )
             for place, factor in factors.items()
         ]
+
+    @property
+    def shortest_period(self) -> float:
+        """The shortest period of a wave that the values of the coordinate resolve."""
+        information = self.information if self.information.ndim == 1 else np.diagonal(self.information)
+        width = (self.span[1] - self.span[0]) / self.middle.size
+        return shortest_resolved(information, CELLS) * width
 
     def kind(self, shape: str) -> type[Structure]:
         """Return the structure class of a shape at this stage and coordinate."""

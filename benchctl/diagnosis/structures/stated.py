@@ -282,7 +282,7 @@ def _where_direction_is_known(
     found: tuple[Selection, Modelled] | None,
     seed: int,
 ) -> tuple[Selection, Modelled] | None:
-    """Do the same on rows with a known last direction of the table, if this direction alone explains the residual."""
+    """Do the same on rows with a known last direction of the table, if this direction is the largest part of it."""
     alone = found is not None and len(found[1].structures) == 1 and not found[1].left.significant
     if alone or not {"rate_sign", "step"} & {*unexplained.coordinates}:
         return None
@@ -290,7 +290,7 @@ def _where_direction_is_known(
     rows = rows if problem.band is None else rows[problem.band.rows]
     if not rows.any():
         return None
-    known, extended = _modelled_without(problem, chosen, rows, most=1, seed=seed)
+    known, extended = _modelled_without(problem, chosen, rows, seed=seed)
     if extended is not None and _of_last_direction(extended):
         return known, extended
     instead = instead_of_names(problem, known, left=True, seed=seed)
@@ -318,16 +318,16 @@ def _between_ramps(
 
 
 def _modelled_without(
-    problem: GyroProblem, chosen: Selection, rows: BoolArray, *, most: int = 3, seed: int
+    problem: GyroProblem, chosen: Selection, rows: BoolArray, *, seed: int
 ) -> tuple[Selection, Modelled | None]:
     """Return the selection refitted without some rows, shape (n,), and the model of its residual."""
     known = leaving_out(problem, chosen, rows)
     rest = residual_structure_of(problem, known.whitener, known.after, seed=seed)
-    return known, modelled(problem, known, rest, most=most, seed=seed)
+    return known, modelled(problem, known, rest, seed=seed)
 
 
 def _of_last_direction(found: Modelled) -> bool:
-    """Return whether the last direction of rotation explains the complete residual."""
+    """Return whether the last direction of rotation explains most of the residual, and others the complete rest."""
     return not found.left.significant and found.structures[0].over == "last_sign"
 
 
