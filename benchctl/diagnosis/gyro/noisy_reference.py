@@ -70,8 +70,8 @@ def _noisy(frame: Frame) -> tuple[float, bool] | None:
     The band ends at the highest frequency at which reference and output are coherent; at the lowest of the windows if
     there is none, as within steps of constant rates.
 
-    The reference is noisy if its power times the squared gain, at frequencies where it should have none, is a
-    noticeable share of the output's. Compared are derivatives, in which strong slow motion does not hide weak noise.
+    The reference is noisy if the power times the squared gain that the gyro does not confirm, at frequencies where it
+    should have none, is a noticeable share of the output's. Compared are derivatives, in which strong slow motion does not hide weak noise.
     What counts is the share at the edge of the motion: it is extrapolated from the two octaves beyond twice this
     frequency, since white noise of an encoder's angle, of which the share grows with the squared frequency, does no
     harm there. Within steps of constant rates no motion argues against a low-pass: the noise beyond the band counts.
@@ -110,7 +110,8 @@ def _noisy(frame: Frame) -> tuple[float, bool] | None:
     def share(from_hz: float, to_hz: float) -> float:
         beyond = (frequency > from_hz) & (frequency <= to_hz)
         of_both = float(of_reference[beyond].sum()), float(of_output[beyond].sum())
-        return gain**2 * of_both[0] / of_both[1] if of_both[1] > 0.0 else 0.0
+        confirmed = float(np.abs(shared[beyond].sum()))  # the gyro follows true motion, however weak
+        return gain * max(gain * of_both[0] - confirmed, 0.0) / of_both[1] if of_both[1] > 0.0 else 0.0
 
     near = share(stop_hz, min(_OCTAVE * stop_hz, passing_hz))
     far = share(_OCTAVE * stop_hz, _OCTAVE**2 * stop_hz)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter, sosfilt
 
 from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.gyro.frame import Frame, frame_of
@@ -24,16 +24,22 @@ def recorded(
     delay_s: float = 0.0,
     cutoff_hz: float | None = None,
     shaking_dps: float = 0.0,
+    rumbling_dps: float = 0.0,
     angle_noise_deg: float = 0.0,
 ) -> Recording:
     """A swing of 0.1 and 0.37 Hz, whose angle is the sum of rates with white noise, as a controller logs them.
 
-    Both sensors see a shaking of 6 Hz. The angle itself may have white noise, as that of a real encoder has.
+    Both sensors see a shaking of 6 Hz, and a rumble of 1 to 8 Hz. The angle itself may have white noise, as that of a real encoder has.
     """
     chance = np.random.default_rng(0)
     fine_s = np.arange(-AROUND_S, SECONDS + AROUND_S, 1.0 / (FINER * RATE_HZ))
     rate = 200.0 + 200.0 * np.sin(2 * np.pi * 0.1 * fine_s) + 20.0 * np.sin(2 * np.pi * 0.37 * fine_s + 1.0)
     rate += shaking_dps * np.sin(2 * np.pi * 6.0 * fine_s)
+    rumble = sosfilt(
+        butter(4, (1.0, 8.0), "bandpass", fs=FINER * RATE_HZ, output="sos"),
+        np.random.default_rng(1).standard_normal(rate.size),
+    )
+    rate += rumbling_dps * rumble / rumble.std()
     sensed = rate
     if cutoff_hz is not None:
         kept = np.exp(-2 * np.pi * cutoff_hz / (FINER * RATE_HZ))
@@ -81,6 +87,11 @@ def test_a_motion_without_noticeable_noise_or_with_fast_shaking_is_left_as_it_is
     reference_dps: float, shaking_dps: float
 ) -> None:
     whole = frame(recorded(reference_dps=reference_dps, shaking_dps=shaking_dps))
+    assert without_noise(whole) is whole
+
+
+def test_a_rumble_of_the_table_weaker_than_the_gyros_noise_is_motion_and_no_noise() -> None:
+    whole = frame(recorded(reference_dps=0.0, rumbling_dps=0.16))
     assert without_noise(whole) is whole
 
 
