@@ -70,8 +70,9 @@ def _noisy(frame: Frame) -> tuple[float, bool] | None:
     The band ends at the highest frequency at which reference and output are coherent; at the lowest of the windows if
     there is none, as within steps of constant rates.
 
-    The reference is noisy if the power times the squared gain that the gyro does not confirm, at frequencies where it
-    should have none, is a noticeable share of the output's. Compared are derivatives, in which strong slow motion does not hide weak noise.
+    The reference is noisy if its power times the squared gain, at frequencies where it should have none, is a
+    noticeable share of the output's; power that the gyro confirms is motion. Compared are derivatives, in which strong
+    slow motion does not hide weak noise.
     What counts is the share at the edge of the motion: it is extrapolated from the two octaves beyond twice this
     frequency, since white noise of an encoder's angle, of which the share grows with the squared frequency, does no
     harm there. Within steps of constant rates no motion argues against a low-pass: the noise beyond the band counts.
