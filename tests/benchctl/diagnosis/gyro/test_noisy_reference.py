@@ -29,7 +29,8 @@ def recorded(
 ) -> Recording:
     """A swing of 0.1 and 0.37 Hz, whose angle is the sum of rates with white noise, as a controller logs them.
 
-    Both sensors see a shaking of 6 Hz, and a rumble of 1 to 8 Hz. The angle itself may have white noise, as that of a real encoder has.
+    Both sensors see a shaking of 6 Hz, and a rumble of 1 to 8 Hz. The angle itself may have white noise, as that of a
+    real encoder has.
     """
     chance = np.random.default_rng(0)
     fine_s = np.arange(-AROUND_S, SECONDS + AROUND_S, 1.0 / (FINER * RATE_HZ))
