@@ -21,7 +21,7 @@ from scipy.signal import firwin, kaiserord
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl.signals.rate import NARROW, WIDE, edges_hz, filtered_along
 from benchctl.signals.windows import windows_of
-from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.arrays import ComplexArray, FloatArray
 
 _LONGEST_S, _IN_LONGEST, _FEWEST_WINDOWS, _FEWEST_ROWS = 10.0, 8, 12, 16
 """Longest window; windows, without overlap, in the longest stretch; minimum number and minimum length of windows."""
@@ -38,6 +38,9 @@ _NOTICEABLE = 0.25
 
 In simulated recordings of some minutes a tenth did no harm, and a half led to false findings.
 """
+_EVENT, _EVENTS = 10.0, 0.1
+"""Ratio of a window's fast power to that of most others above which it holds an event, such as a jump of the encoder's
+angle, which is no noise; share of the windows that may hold one."""
 _ATTENUATION_DB = 60.0
 _MOST_LOST = 0.5
 """Largest share of the rows that the filter may lose at the ends of the stretches."""
@@ -72,10 +75,10 @@ def _noisy(frame: Frame) -> tuple[float, bool] | None:
 
     The reference is noisy if its power times the squared gain, at frequencies where it should have none, is a
     noticeable share of the output's; power that the gyro confirms is motion. Compared are derivatives, in which strong
-    slow motion does not hide weak noise.
-    What counts is the share at the edge of the motion: it is extrapolated from the two octaves beyond twice this
-    frequency, since white noise of an encoder's angle, of which the share grows with the squared frequency, does no
-    harm there. Within steps of constant rates no motion argues against a low-pass: the noise beyond the band counts.
+    slow motion does not hide weak noise. What counts is the share at the edge of the motion: it is extrapolated from
+    the two octaves beyond twice this frequency, since white noise of an encoder's angle, of which the share grows with
+    the squared frequency, does no harm there. Within steps of constant rates no motion argues against a low-pass: the
+    noise beyond the band counts.
     """
     sample_rate_hz = 1.0 / frame.interval_s
     longest = max(part.stop - part.start for part in frame.stretches)
@@ -95,8 +98,7 @@ def _noisy(frame: Frame) -> tuple[float, bool] | None:
     bins = np.flatnonzero((windows.frequency_hz > 0.0) & (windows.frequency_hz <= widest_hz))
     frequency = windows.frequency_hz[bins]
     reference, measured = windows.spectra(turning, bins), windows.spectra(output, bins)
-    of_reference, of_output = (np.sum(np.abs(one) ** 2, axis=0) for one in (reference, measured))
-    shared = np.sum(reference.conj() * measured, axis=0)
+    of_reference, of_output, shared = _powers(reference, measured)
     pooled = _pooled(shared.real) ** 2 + _pooled(shared.imag) ** 2
     coherent = pooled > _COHERENT * _pooled(of_reference) * _pooled(of_output)
     moved = bool(coherent.any())
@@ -107,6 +109,10 @@ def _noisy(frame: Frame) -> tuple[float, bool] | None:
     else:
         rate_dps = frame.rate_dps[usable] - frame.rate_dps[usable].mean()
         gain = abs(float(rate_dps @ frame.volts[usable])) / max(float(rate_dps @ rate_dps), 1e-300)
+
+    fast = np.sum(np.abs(reference[:, frequency > stop_hz]) ** 2, axis=1)
+    steady = fast <= _EVENT * np.quantile(fast, 1.0 - _EVENTS)
+    of_reference, of_output, shared = _powers(reference[steady], measured[steady])
 
     def share(from_hz: float, to_hz: float) -> float:
         beyond = (frequency > from_hz) & (frequency <= to_hz)
@@ -119,6 +125,12 @@ def _noisy(frame: Frame) -> tuple[float, bool] | None:
     at_motion = near * min(near / far, 1.0) ** _OCTAVES_DOWN if far > 0.0 else near
     within = at_motion > _NOTICEABLE
     return (known_hz, within) if within or (not moved and share(stop_hz, passing_hz) > _NOTICEABLE) else None
+
+
+def _powers(reference: ComplexArray, measured: ComplexArray) -> tuple[FloatArray, FloatArray, ComplexArray]:
+    """Return the power of both, shape (bins,), and their cross spectrum, summed over windows (windows, bins)."""
+    of_reference, of_output = (np.sum(np.abs(one) ** 2, axis=0) for one in (reference, measured))
+    return of_reference, of_output, np.sum(reference.conj() * measured, axis=0)
 
 
 def _pooled(values: FloatArray) -> FloatArray:

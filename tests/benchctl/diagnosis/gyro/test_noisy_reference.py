@@ -26,11 +26,12 @@ def recorded(
     shaking_dps: float = 0.0,
     rumbling_dps: float = 0.0,
     angle_noise_deg: float = 0.0,
+    jump_deg: float = 0.0,
 ) -> Recording:
     """A swing of 0.1 and 0.37 Hz, whose angle is the sum of rates with white noise, as a controller logs them.
 
     Both sensors see a shaking of 6 Hz, and a rumble of 1 to 8 Hz. The angle itself may have white noise, as that of a
-    real encoder has.
+    real encoder has, and jump once.
     """
     chance = np.random.default_rng(0)
     fine_s = np.arange(-AROUND_S, SECONDS + AROUND_S, 1.0 / (FINER * RATE_HZ))
@@ -50,6 +51,7 @@ def recorded(
     felt = np.interp(time_s - delay_s, fine_s, sensed) + GYRO_DPS * chance.standard_normal(time_s.size)
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (logged[1:] + logged[:-1]) / RATE_HZ)])
     angle += angle_noise_deg * chance.standard_normal(angle.size)
+    angle[angle.size // 2 :] += jump_deg
     return recording_of({"time_s": time_s, "encoder_deg": np.mod(angle, 360.0), "gyro_v": U0 + K0 * felt})
 
 
@@ -93,6 +95,11 @@ def test_a_motion_without_noticeable_noise_or_with_fast_shaking_is_left_as_it_is
 
 def test_a_rumble_of_the_table_weaker_than_the_gyros_noise_is_motion_and_no_noise() -> None:
     whole = frame(recorded(reference_dps=0.0, rumbling_dps=0.16))
+    assert without_noise(whole) is whole
+
+
+def test_a_jump_of_the_angle_is_no_noise() -> None:
+    whole = frame(recorded(reference_dps=0.0, jump_deg=1.0))
     assert without_noise(whole) is whole
 
 
