@@ -21,6 +21,7 @@ from benchctl.diagnosis.residual.residual_structure import (
     withdrawn,
 )
 from benchctl.diagnosis.result import Unexplained
+from benchctl.diagnosis.search.scans import swinging_hz
 from benchctl.diagnosis.search.select import reduced, settled_again, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.stepped import PartProblem
@@ -72,7 +73,8 @@ def named(
                 instead[name] = own * gains[name] / max(gain_of(chosen.after, one), 1.0)
         effects = dict(zip(chosen.evidence, chosen.after.point.effects, strict=True))
         forbidden = withdrawn(noises if contested else gains, judged, instead)
-        forbidden = forbidden or _too_small(problem, chosen, rest, agreed | _independent(judged, gains, instead))
+        kept = agreed | _independent(problem, judged, gains, instead)
+        forbidden = forbidden or _too_small(problem, chosen, rest, kept)
         if not forbidden:
             break
         fallen = {place_of(effect) for key, effect in effects.items() if key in forbidden}
@@ -113,12 +115,15 @@ def _too_small(problem: PartProblem, chosen: Selection, rest: ResidualStructure,
     return tuple(key for key, gain in gains.items() if gain == min(gains.values()) and gain < chance)
 
 
-def _independent(rest: ResidualStructure, gains: Mapping[str, float], instead: Mapping[str, float]) -> set[str]:
+def _independent(
+    problem: PartProblem, rest: ResidualStructure, gains: Mapping[str, float], instead: Mapping[str, float]
+) -> set[str]:
     """Return the keys of findings that a function of the residual's coordinate, found `instead`, does not replace.
 
-    None if the residual changes from step to step or in time: such a residual may follow anything.
+    None if the residual changes from step to step or in time, or in a swing at one frequency, in which all coordinates
+    of the motion are equivalent: such a residual may follow anything.
     """
-    if {"time", "step"} & {*"*".join(rest.coordinates).split("*")}:
+    if swinging_hz(problem) or {"time", "step"} & {*"*".join(rest.coordinates).split("*")}:
         return set()
     return {key for key, gain in instead.items() if gain < _REPLACED * gains[key]}
 

@@ -104,7 +104,7 @@ def modelled(
     contains some. A `scan` of the selection can be shared by several searches.
     """
     scan = Scan(problem, chosen) if scan is None else scan
-    taken = {_kind(word) for effect in apart_from for word in _own(effect.coordinate)}
+    taken = {kind_of(word) for effect in apart_from for word in _own(effect.coordinate)}
     found: list[Structure] = []
     ties: tuple[str, ...] = ()
     known = [one for one in chosen.after.point.effects if isinstance(one, Structure)] if bare is not None else []
@@ -115,7 +115,7 @@ def modelled(
         before = [*known, *found]
         explained = gain_of(chosen.after, bare) if before else 0.0
         minor = before and rest is not None and is_attributable(rest, max(explained, _as_gain(chosen, bare, rest)))
-        curved = {_kind(one.over) for one in before if one.is_smooth} if smooth else {*_KINDS.values(), _MOTION}
+        curved = {kind_of(one.over) for one in before if one.is_smooth} if smooth else {*_KINDS.values(), _MOTION}
         ruled_out = taken | (_followed(before) if minor else set())
         candidates = scan.candidates(ruled_out, curved, IMPERFECT**2 * explained)
         if not candidates or (not found and max(one.gain for one in candidates) < worth):
@@ -288,14 +288,14 @@ def with_last(problem: Structurable, chosen: Selection, point: Point) -> Selecti
     return replace(chosen, after=after, full=full, evidence={**chosen.evidence, key: evidence})
 
 
-def _kind(word: str) -> str:
+def kind_of(word: str) -> str:
     """Return the kind of a coordinate: motion, temperature, angle or time."""
     return _KINDS.get(word, _MOTION)
 
 
 def _followed(found: Sequence[Structure]) -> set[str]:
     """Return the kinds of coordinates affected by inexact shapes; temperature and time belong together."""
-    kinds = {_kind(word) for one in found for word in one.word.split("*")}
+    kinds = {kind_of(word) for one in found for word in one.word.split("*")}
     return kinds | ({"temperature", "time"} if kinds & {"temperature", "time"} else set())
 
 
@@ -324,7 +324,7 @@ class Scan:
         allowed = [
             one
             for one in self._begun
-            if _kind(one.effect.over) not in taken | (curved if one.effect.is_smooth else set())
+            if kind_of(one.effect.over) not in taken | (curved if one.effect.is_smooth else set())
         ]
         looked = 2.0 * math.log(max(sum(one.places for one in allowed), 1.0)) + missed
         price = math.log(self.chosen.after.rows)

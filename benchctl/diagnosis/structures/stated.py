@@ -24,7 +24,7 @@ from benchctl.diagnosis.stepped import PartProblem
 from benchctl.diagnosis.structures.heat import disturbed_residual, heat_modelled
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.scan import Structurable, coordinates_of, factors_of
-from benchctl.diagnosis.structures.search import Modelled, Scan, modelled, with_jumps
+from benchctl.diagnosis.structures.search import Modelled, Scan, kind_of, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import (
     CLEARLY,
     as_one_curve,
@@ -365,16 +365,22 @@ def _named_beside_first(problem: GyroProblem, found: Modelled, seed: int) -> Mod
     """Return the model with named effects in place of all structures but the first, if these explain at least as much.
 
     A strong structure hides weak effects from the search for named effects, and further structures then follow them.
+    Names along a coordinate of the kind of the first structure are excluded: they follow the errors of its shape.
     """
-    keys = structures_of(found.chosen)
-    others = {key for key, its in keys.items() if its != found.structures[0].identifier}
+    first, keys = found.structures[0], structures_of(found.chosen)
+    others = {key for key, its in keys.items() if its != first.identifier}
     if swinging_hz(problem) or len(others) < len(keys) - 1:  # a search does not know two of a kind apart
         return found
     less = reduced(problem, found.chosen, others)
     again = select(problem, seed=seed, progress=lambda _name, _share: None, chosen=less)
+    names = [one.coordinate for one in again.after.point.effects if one.identifier not in found.chosen.identifiers]
     added = len(again.after.numbers) - len(found.chosen.after.numbers)
     lost = found.chosen.after.rows * math.log(again.after.squares / found.chosen.after.squares)
-    if not structures_of(again) or lost + added * math.log(again.after.rows) > 0.0:
+    if (
+        not structures_of(again)
+        or lost + added * math.log(again.after.rows) > 0.0
+        or any(kind_of(word) == kind_of(first.over) for one in names for word in one.split("*"))
+    ):
         return found
     left = residual_structure_of(problem, again.whitener, again.after, seed=seed)
     if left.significant and not (found.left.significant and left.power <= found.left.power):

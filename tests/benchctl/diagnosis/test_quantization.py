@@ -66,13 +66,13 @@ def test_a_wave_that_the_converter_does_have_is_found_all_the_same() -> None:
 
 
 @pytest.mark.slow
-def test_of_steps_that_dwarf_the_noise_a_wave_is_left_which_is_not_said_to_be_one() -> None:
+def test_of_steps_that_dwarf_the_noise_at_most_a_wave_is_left_which_is_not_said_to_be_one() -> None:
     step_v = 30.0 * NOISE_V
     problem = converted(step_v)
     smooth = unrounded(problem, chosen(problem, step_v**2 / 12.0), step_v)
     assert smooth is not None
     left = chosen(smooth)
-    assert [one.identifier for one in left.after.point.effects] == ["adc_nonlinearity"]
+    assert {one.identifier for one in left.after.point.effects} <= {"adc_nonlinearity"}
     assert without_the_steps_own(smooth, left, step_v).after.point.effects == ()
 
 
