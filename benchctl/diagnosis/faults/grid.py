@@ -61,9 +61,8 @@ def grid_of(volts: FloatArray, adc_step_v: float) -> Grid:
     distances = values - float(values[np.argmax(counts)])
     if adc_step_v > 0.0:
         grids = [_with_lost(bits, distances, counts, adc_step_v, unit) for bits in range(_MOST_BITS + 1)]
-        likeliest, suffices = max(
-            grids, key=lambda one: one[0].evidence
-        )  # a part of a grid speaks for a finer one, too
+        # by evidence, since enough rows may stand on a finer grid, too, if some are off the true one
+        likeliest, suffices = max(grids, key=lambda one: one[0].evidence)
         if suffices and likeliest.evidence > math.log((_MOST_BITS + 1) / CHANCE):
             return likeliest
         if grids[0][1]:

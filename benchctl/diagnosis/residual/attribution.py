@@ -73,8 +73,9 @@ def named(
                 instead[name] = own * gains[name] / max(gain_of(chosen.after, one), 1.0)
         effects = dict(zip(chosen.evidence, chosen.after.point.effects, strict=True))
         forbidden = withdrawn(noises if contested else gains, judged, instead)
-        kept = agreed | _independent(problem, judged, gains, instead)
-        forbidden = forbidden or _too_small(problem, chosen, rest, kept)
+        if not forbidden:
+            kept = agreed | _independent(problem, judged, gains, instead)
+            forbidden = _too_small(problem, chosen, rest, kept)
         if not forbidden:
             break
         fallen = {place_of(effect) for key, effect in effects.items() if key in forbidden}

@@ -18,7 +18,7 @@ from benchctl.estimation.noise import Whitener
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 CELLS = 8
-"""Number of cells of a period that are told apart."""
+"""Number of cells into which a period is divided."""
 
 _FEWEST_A_PERIOD, _MANY, _LONGER = 2.0, 100.0, 1.25
 """Smallest mean number of separate values in a period, unless there are many of them in all; ratio of the periods that

@@ -350,15 +350,20 @@ def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
         return found
     again = select(problem, seed=seed, progress=lambda _name, _share: None, chosen=found.chosen)
     kept = tuple(one for one in found.structures if one.identifier in again.identifiers)
-    numbers = len(again.after.numbers) - len(found.chosen.after.numbers)
-    lost = found.chosen.after.rows * math.log(again.after.squares / found.chosen.after.squares)
     if not kept or again.noise.found.keys() != found.chosen.noise.found.keys():
         return found
     needless = CLEARLY if len(kept) == len(found.structures) else 0.0  # an added effect must be significant
-    if lost + numbers * math.log(again.after.rows) > -needless:
+    if _lost(again, found) > -needless:
         return found
     left = residual_structure_of(problem, again.whitener, again.after, seed=seed)
     return Modelled(chosen=again, structures=kept, ties=found.ties, left=left)
+
+
+def _lost(again: Selection, found: Modelled) -> float:
+    """Return the gain that a model loses against another one, with the price of the parameters that it has more."""
+    one, other = again.after, found.chosen.after
+    more = len(one.numbers) - len(other.numbers)
+    return other.rows * math.log(one.squares / other.squares) + more * math.log(one.rows)
 
 
 def _named_beside_first(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
@@ -374,11 +379,9 @@ def _named_beside_first(problem: GyroProblem, found: Modelled, seed: int) -> Mod
     less = reduced(problem, found.chosen, others)
     again = select(problem, seed=seed, progress=lambda _name, _share: None, chosen=less)
     names = [one.coordinate for one in again.after.point.effects if one.identifier not in found.chosen.identifiers]
-    added = len(again.after.numbers) - len(found.chosen.after.numbers)
-    lost = found.chosen.after.rows * math.log(again.after.squares / found.chosen.after.squares)
     if (
         not structures_of(again)
-        or lost + added * math.log(again.after.rows) > 0.0
+        or _lost(again, found) > 0.0
         or any(kind_of(word) == kind_of(first.over) for one in names for word in one.split("*"))
     ):
         return found

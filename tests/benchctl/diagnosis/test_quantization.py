@@ -66,14 +66,22 @@ def test_a_wave_that_the_converter_does_have_is_found_all_the_same() -> None:
 
 
 @pytest.mark.slow
-def test_of_steps_that_dwarf_the_noise_at_most_a_wave_is_left_which_is_not_said_to_be_one() -> None:
+def test_of_steps_that_dwarf_the_noise_nothing_is_found() -> None:
     step_v = 30.0 * NOISE_V
     problem = converted(step_v)
     smooth = unrounded(problem, chosen(problem, step_v**2 / 12.0), step_v)
     assert smooth is not None
-    left = chosen(smooth)
-    assert {one.identifier for one in left.after.point.effects} <= {"adc_nonlinearity"}
-    assert without_the_steps_own(smooth, left, step_v).after.point.effects == ()
+    assert chosen(smooth).after.point.effects == ()
+
+
+@pytest.mark.slow
+def test_a_wave_whose_period_divides_the_step_is_not_said_to_be_one() -> None:
+    problem = converted(1e-5, WAVE)
+    found = chosen(problem)
+    assert [one.identifier for one in found.after.point.effects] == ["adc_nonlinearity"]
+    for order in (1, 2):
+        assert without_the_steps_own(problem, found, order * WAVE.period_v).after.point.effects == ()
+    assert without_the_steps_own(problem, found, 1.5 * WAVE.period_v) is found
 
 
 def test_where_no_bits_are_lost_nothing_is_taken_off() -> None:
